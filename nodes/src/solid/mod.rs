@@ -1,8 +1,9 @@
 //! Solid objects: from the shape and the material to the modes.
 //!
 //! A [`TetMesh`] fills the object with tetrahedra. The finite elements of [`fem`] give stiffness and mass, and the eigenvalue problem its
-//! modes of vibration, which a [`model`] holds.
+//! modes of vibration, which a `ModalModel` holds.
 
+pub mod fem;
 pub mod mesh;
 
 pub use mesh::tet_mesh::{TetMesh, TetMeshError};
