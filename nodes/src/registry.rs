@@ -56,6 +56,7 @@ use crate::scrape::path::contact_path::ContactPath;
 use crate::scrape::path::other_surface::OtherSurface;
 use crate::scrape::path::stroke::Stroke;
 use crate::scrape::relief::two_textures::TwoTextures;
+use crate::solid::mesh::surface_to_tets::SurfaceToTets;
 use crate::solid::mesh::tet_mesh_file::TetMeshFile;
 use crate::solid::model::modal_analysis::ModalAnalysis;
 use crate::solid::model::modal_model_file::ModalModelFile;
@@ -296,6 +297,7 @@ impl Registry {
             .with_func::<ModalAnalysis>()
             .with_func::<ModalModelFile>()
             .with_func::<ModelModes>()
+            .with_func::<SurfaceToTets>()
             .with_func::<TetMeshFile>()
             .family("tension")
             .with::<TensionImpact>()

@@ -1,6 +1,6 @@
 //! Contact points on the surface of an object.
 
-use super::super::mesh::tet_mesh::{dot, minus};
+use super::super::mesh::tet_mesh::{cross, dot, minus};
 use super::modal_model::{ModalModel, length};
 use thiserror::Error;
 
@@ -97,16 +97,7 @@ pub fn contacts(
         all.push(Contact { vertices: [vertex; 3], weights: [1.0, 0.0, 0.0], direction: [0.0; 3] });
     }
     for (index, contact) in all.iter_mut().enumerate() {
-        let mut direction = [0.0; 3];
-        match directions.get(index) {
-            Some(given) => direction = *given,
-            None => {
-                for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
-                    let normal = model.normals[*vertex as usize];
-                    (0..3).for_each(|k| direction[k] -= weight * normal[k]);
-                }
-            }
-        }
+        let direction = directions.get(index).copied().unwrap_or_else(|| contact.inwards(model));
         let long = length(direction);
         if long <= 0.0 || !long.is_finite() {
             return Err(ContactError::Direction { index });
@@ -117,6 +108,17 @@ pub fn contacts(
 }
 
 impl Contact {
+    /// The inward normal of the triangle, or of the vertex.
+    fn inwards(&self, model: &ModalModel) -> [f64; 3] {
+        let [a, b, c] = self.vertices.map(|i| model.vertices[i as usize]);
+        let outwards = if self.vertices[0] == self.vertices[1] {
+            model.normals[self.vertices[0] as usize]
+        } else {
+            cross(minus(b, a), minus(c, a))
+        };
+        outwards.map(|x| -x)
+    }
+
     /// Modal impulse of each mode for an impulse of 1 N s along the direction, kg^(-1/2) N s.
     #[must_use]
     pub fn impulses(&self, model: &ModalModel) -> Vec<f64> {

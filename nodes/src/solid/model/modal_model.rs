@@ -60,9 +60,9 @@ pub struct ModalModel {
     pub highest: f64,
     /// Number of modes below it, by the signs of pivots; more than there are if the number was limited.
     pub counted: u64,
-    /// Largest relative residual of the modes.
+    /// Bound of the relative residuals of the modes, a power of ten.
     pub residual: f64,
-    /// Largest relative residual of the motions of rigid bodies.
+    /// Bound of the relative residuals of the motions of rigid bodies, a power of ten.
     pub rigid_residual: f64,
     /// Hash of the mesh.
     pub mesh_hash: [u8; 32],
@@ -116,8 +116,8 @@ impl ModalModel {
             order,
             highest: request.highest,
             counted: modes.counted as u64,
-            residual: modes.residual,
-            rigid_residual: modes.rigid_residual,
+            residual: bound(modes.residual, -9),
+            rigid_residual: bound(modes.rigid_residual, -12),
             mesh_hash: hash(mesh),
             vertices: surface.vertices,
             triangles: surface.triangles,
@@ -189,10 +189,10 @@ impl ModalModel {
             self.triangles.iter().flatten().all(|c| (*c as usize) < s),
             "`triangles` name missing vertices",
         )?;
-        let numbers = [self.mass, self.volume, self.area, self.highest];
+        let numbers = [self.mass, self.volume, self.area, self.highest, self.residual, self.rigid_residual];
         check(
             numbers.iter().all(|x| x.is_finite() && *x > 0.0),
-            "mass, volume, area and highest are above 0",
+            "mass, volume, area, highest and residuals are above 0",
         )?;
         check(self.vertices.iter().chain(&self.normals).all(|p| finite(p)), "a vertex is not finite")?;
         check(finite(&self.centre) && finite(&self.inertia), "centre and inertia have to be finite")?;
@@ -251,9 +251,14 @@ impl ModalModel {
             ("volume_m3", self.volume.into()),
             ("surface_vertices", self.vertices.len().into()),
             ("extent_m", self.extent().into()),
-            ("residual", self.residual.into()),
+            ("residual_below", self.residual.into()),
         ]
     }
+}
+
+/// The next power of ten, at least `10^lowest`: residuals are rounding errors, which differ between machines.
+fn bound(residual: f64, lowest: i32) -> f64 {
+    (lowest..=0).map(|k| libm::exp10(k.into())).find(|bound| residual <= *bound).unwrap_or(1.0)
 }
 
 /// Hash of the nodes and elements of a mesh.
@@ -330,8 +335,8 @@ impl Data for ModalModel {
             order: Order::Quadratic,
             highest: 20e3,
             counted: m as u64,
-            residual: 1e-10,
-            rigid_residual: 1e-16,
+            residual: 1e-9,
+            rigid_residual: 1e-12,
             mesh_hash: hash(&mesh),
             vertices: surface.vertices,
             triangles: surface.triangles,

@@ -2,7 +2,7 @@ use super::contact::{ContactError, contacts};
 use super::cull::{Culling, cull};
 use super::modal_model::ModalModel;
 use super::model_modes::voices;
-use super::radiance::Radiance;
+use super::radiance::{Radiance, radiation_damping};
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use crate::material::DampingModel;
@@ -15,13 +15,13 @@ use std::f64::consts::{PI, TAU};
 const STEEL: Isotropic = Isotropic { young: 200e9, poisson: 0.3, density: 7850.0 };
 const DAMPING: DampingModel = DampingModel::Rayleigh { a1: 3.0, a2: 1e-8 };
 
-fn model(mesh: &TetMesh, highest: f64) -> ModalModel {
+fn model(mesh: &TetMesh, material: &Isotropic, highest: f64) -> ModalModel {
     let request = Request { highest, ..Request::default() };
-    ModalModel::analyse(mesh, &STEEL, Order::Quadratic, &request, &|| false).unwrap()
+    ModalModel::analyse(mesh, material, Order::Quadratic, &request, &|| false).unwrap()
 }
 
 fn bar() -> ModalModel {
-    model(&block([0.2, 0.03, 0.02], [12, 1, 1]), 6000.0)
+    model(&block([0.2, 0.03, 0.02], [12, 1, 1]), &STEEL, 6000.0)
 }
 
 #[test]
@@ -41,16 +41,16 @@ fn figures_of_a_bar_are_those_of_its_shape() {
 #[test]
 fn a_bar_is_excited_at_its_ends_and_silent_at_its_nodes() {
     let bar = bar();
-    // Free-free bending: the first mode has nodes at 0.224 of the length, and 2 / sqrt(mass) at its ends.
+    // Free-free bending: the first mode has nodes at 0.224 of the length, and 2 / sqrt(mass) at the ends of a slender bar.
     let f = bar.frequencies();
     let z_bending = f.iter().position(|f| (f / 2530.0 - 1.0).abs() < 0.03).unwrap();
-    let points = [[0.0, 0.015, 0.02], [0.2242 * 0.2, 0.015, 0.02], [0.1, 0.015, 0.02], [0.2, 0.015, 0.02]];
+    let points = [0.0005, 0.2242 * 0.2, 0.1, 0.1995].map(|x| [x, 0.015, 0.02]);
     let at: Vec<f64> = contacts(&bar, &points, &[], &[], 0.01)
         .unwrap()
         .iter()
         .map(|c| c.impulses(&bar)[z_bending])
         .collect();
-    assert!((at[0].abs() * bar.mass.sqrt() - 2.0).abs() < 0.05, "{at:?}");
+    assert!((at[0].abs() * bar.mass.sqrt() - 2.0).abs() < 0.1, "{at:?}");
     assert!(at[1].abs() < 0.03 * at[0].abs(), "{at:?}");
     assert!(at[2] * at[0] < 0.0 && (at[2] / at[0] + 0.608).abs() < 0.03, "{at:?}");
     assert!((at[3] / at[0] - 1.0).abs() < 1e-3);
@@ -76,15 +76,15 @@ fn contact_points_that_do_not_fit_are_errors() {
 
 #[test]
 fn only_the_breathing_mode_of_a_ball_displaces_volume() {
-    let ball = model(&ball(0.05, 6), 55e3);
-    let unit = (STEEL.lame()[1] / STEEL.density).sqrt() / (0.05 * TAU);
+    // Poisson's ratio sets the frequency of the breathing mode apart from those of others.
+    let material = Isotropic { poisson: 0.25, ..STEEL };
+    let ball = model(&ball(0.05, 6), &material, 48e3);
+    let unit = (material.lame()[1] / material.density).sqrt() / (0.05 * TAU);
     let f = ball.frequencies();
-    let breathing = f.iter().position(|f| (f / (4.99551 * unit) - 1.0).abs() < 0.02).unwrap();
-    for mode in 0..ball.len() {
-        let share = ball.net_flow[mode].abs() / ball.absolute_flow[mode];
-        // Torsion has no normal component at all.
-        assert!((share > 0.9) == (mode == breathing), "{mode}: {share}");
-    }
+    let share = |mode: usize| ball.net_flow[mode].abs() / ball.absolute_flow[mode];
+    let found: Vec<usize> = (0..ball.len()).filter(|mode| share(*mode) > 0.05).collect();
+    let &[breathing] = found.as_slice() else { panic!("{found:?}") };
+    assert!(share(breathing) > 0.99 && (f[breathing] / (4.44000 * unit) - 1.0).abs() < 0.02);
     // It moves the whole surface alike: p = rho0 c0 S v / (4 pi r) times ka / sqrt(1 + (ka)^2) / a.
     let sphere = Radiance::Sphere.per_velocity(&ball, breathing, 1.0);
     let point = Radiance::VolumeVelocity.per_velocity(&ball, breathing, 1.0).abs();
@@ -105,7 +105,10 @@ fn gains_are_the_response_to_an_impulse() {
         assert!(voice.reach >= 0.9 * voice.gains[0].abs());
     }
     let radiating = voices(&bar, &DAMPING, &impulses, Radiance::Sphere, 1.0, true);
-    assert!(radiating.iter().zip(&all).all(|(a, b)| a.c > b.c && a.c < 1.1 * b.c));
+    for (mode, (a, b)) in radiating.iter().zip(&all).enumerate() {
+        let expected = radiation_damping(&bar, mode);
+        assert!(expected > 0.0 && (a.c - b.c - expected).abs() < 1e-12);
+    }
     let culling =
         Culling { lowest: 20.0, highest: 20e3, floor: -80.0, jnd_scale: 0.0, keep_beats: true, top: None };
     assert_eq!(cull(all.clone(), &culling).0, all);
