@@ -32,7 +32,7 @@ params! {
         /// Positions of contact points; each is moved to the nearest point of the surface.
         points: Vec<[f64; 3]> = Vec::new(), unit "m", range -1_000_000.0..=1_000_000.0;
         /// Vertices of the surface that are contact points.
-        vertices: Vec<u32> = Vec::new();
+        vertices: Vec<u32> = Vec::new(), unit "", range 0..=4_294_967_295_u32;
         /// Direction of the impulse at each contact point; empty for inwards, along the normal.
         directions: Vec<[f64; 3]> = Vec::new(), unit "", range -1_000_000.0..=1_000_000.0;
         /// Maximum distance of a point from the surface, relative to the size of the object.
