@@ -232,7 +232,7 @@ fn stl(bytes: &[u8]) -> Result<Option<Triangles>, SurfaceError> {
     } else {
         return Ok(None);
     }
-    if positions.len() % 3 != 0 {
+    if !positions.len().is_multiple_of(3) {
         return Err(SurfaceError::File(format!(
             "{} vertices are no whole number of triangles",
             positions.len()

@@ -127,8 +127,8 @@ impl Func for ModalAnalysis {
     }
 
     fn eval(p: &ModalAnalysisParams, _: &Build<'_>, mut io: ModalAnalysisIo<'_>) -> Result<Summary, Fault> {
-        let constants = constants(p, io.material.as_deref())?;
-        let TetMesh { nodes, tets } = &*io.mesh;
+        let constants = constants(p, io.material)?;
+        let TetMesh { nodes, tets } = io.mesh;
         let mesh = TetMesh::new(nodes.clone(), tets.clone()).map_err(|e| fault(&e.into()))?;
         let parts = quality(&mesh).components;
         if parts > 1 && !p.parts {

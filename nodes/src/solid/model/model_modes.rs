@@ -129,7 +129,7 @@ impl Func for ModelModes {
     const NAME: &'static str = "ModelModes";
 
     fn eval(p: &ModelModesParams, _: &Build<'_>, mut io: ModelModesIo<'_>) -> Result<Summary, Fault> {
-        let (model, material) = (&*io.model, &*io.material);
+        let (model, material) = (io.model, io.material);
         model.validate().map_err(|e| Fault::new("F078", e).at("model"))?;
         let contacts = contacts(model, &p.points, &p.vertices, &p.directions, p.max_off_surface)
             .map_err(|e| Fault::new("F078", e.to_string()).at("points"))?;

@@ -119,7 +119,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Raw, TetMeshError> {
         }
     }
     let mut raw = Raw::default();
-    if points.len() % 3 != 0 {
+    if !points.len().is_multiple_of(3) {
         return Err(TetMeshError::Format(format!(
             "a .vtu file with {} coordinates, which is no multiple of 3",
             points.len()
@@ -249,7 +249,7 @@ fn typed<T>(
             )));
         }
     };
-    if bytes.len() % size != 0 {
+    if !bytes.len().is_multiple_of(size) {
         return Err(tag.error(format!("the array has {} bytes, no multiple of {size}", bytes.len())));
     }
     let number = |chunk: &[u8]| {
