@@ -117,7 +117,7 @@ pub enum EigenError {
     Cancelled,
 }
 
-/// The modes of a mesh that are not motions of rigid bodies, below a frequency; `cancelled` is asked between steps.
+/// The modes of a mesh that are not motions of rigid bodies, below a frequency; `cancelled` is polled between steps.
 ///
 /// # Errors
 /// Memory above the limit before it is taken, modes that do not converge, and a number of modes that differs from the count.

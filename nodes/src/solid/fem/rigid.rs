@@ -12,7 +12,7 @@ use faer::Mat;
 /// `[3 nodes, 6 parts]`.
 ///
 /// # Errors
-/// Parts that touch at a corner or an edge only: these move in more ways.
+/// Parts that touch at a corner or an edge only: these have further motions without energy.
 pub fn rigid_motions(
     mesh: &TetMesh,
     space: &Discretisation,

@@ -62,7 +62,7 @@ pub enum SurfaceError {
 }
 
 impl ClosedSurface {
-    /// Reads OBJ or STL, told apart by the content.
+    /// Reads OBJ or STL, recognised by the content.
     ///
     /// # Errors
     /// A file that is neither or is damaged, and as [`new`](Self::new).

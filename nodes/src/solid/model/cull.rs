@@ -1,4 +1,4 @@
-//! Modes that are left out because nobody would hear them.
+//! Modes that are left out because they are inaudible.
 
 use std::f64::consts::TAU;
 

@@ -69,7 +69,7 @@ pub struct ModalModel {
 }
 
 impl ModalModel {
-    /// Computes the modes of a mesh; `cancelled` is asked between steps.
+    /// Computes the modes of a mesh; `cancelled` is polled between steps.
     ///
     /// # Errors
     /// As [`eigenmodes`].

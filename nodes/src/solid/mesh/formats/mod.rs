@@ -1,4 +1,4 @@
-//! Formats of tetrahedral meshes, told apart by their content.
+//! Formats of tetrahedral meshes, recognised by their content.
 
 mod gmsh;
 mod medit;
