@@ -3,8 +3,8 @@
 //! Every algorithm is ordinary Rust on slices; a node is a thin typed description around it.
 //! The families follow the field: [`io`] and [`dsp`] for audio, [`mesh`] for motion,
 //! [`contact`] and [`friction`] for cloth that slides, [`curvature`] and [`crumple`] for cloth that crumples, [`tension`] for cloth
-//! that is pulled tight, [`modal`] for objects that are struck and [`material`] for their damping, [`rigid`], [`texture`] and
-//! [`scrape`] for bodies that roll and scrape over surfaces, [`spatial`] for sounds in space, [`feature`], [`warp`] and [`mod@unit`] for sounds
+//! that is pulled tight, [`modal`] for objects that are struck, [`material`] for their damping and [`solid`] for their modes from a shape,
+//! [`rigid`], [`texture`] and [`scrape`] for bodies that roll and scrape over surfaces, [`spatial`] for sounds in space, [`feature`], [`warp`] and [`mod@unit`] for sounds
 //! put together from recordings. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
 //! needs first.
 #![forbid(unsafe_code)]
@@ -28,6 +28,7 @@ pub mod prelude;
 pub mod registry;
 pub mod rigid;
 pub mod scrape;
+pub mod solid;
 pub mod spatial;
 pub mod tension;
 pub mod texture;

@@ -59,6 +59,11 @@ use crate::scrape::path::contact_path::ContactPath;
 use crate::scrape::path::other_surface::OtherSurface;
 use crate::scrape::path::stroke::Stroke;
 use crate::scrape::relief::two_textures::TwoTextures;
+use crate::solid::mesh::surface_to_tets::SurfaceToTets;
+use crate::solid::mesh::tet_mesh_file::TetMeshFile;
+use crate::solid::model::modal_analysis::ModalAnalysis;
+use crate::solid::model::modal_model_file::ModalModelFile;
+use crate::solid::model::model_modes::ModelModes;
 use crate::spatial::hrtf::structural_hrtf::StructuralHrtf;
 use crate::spatial::motion::orbit::Orbit;
 use crate::spatial::motion::pose_file::PoseFile;
@@ -294,6 +299,12 @@ impl Registry {
             .with_func::<FeatureGate>()
             .with_func::<MaterialFile>()
             .with::<MaterialOut>()
+            .family("solid")
+            .with_func::<ModalAnalysis>()
+            .with_func::<ModalModelFile>()
+            .with_func::<ModelModes>()
+            .with_func::<SurfaceToTets>()
+            .with_func::<TetMeshFile>()
             .family("tension")
             .with::<TensionImpact>()
             .family("texture")

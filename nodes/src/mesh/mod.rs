@@ -25,6 +25,7 @@ pub use error::MeshError;
 pub use formats::{ObjMesh, OpenFrame, alembic, gltf, open_mdd, open_obj_sequence, open_pc2};
 pub use item::{Mesh, MeshFormat};
 pub(crate) use mesh_sequence::rest_mesh;
+pub(crate) use topology::DisjointSets;
 pub use topology::{
     MAX_CORNERS, Materials, MeshPrepare, Regions, Topology, Triangulation, Triangulator, vertex_areas,
 };

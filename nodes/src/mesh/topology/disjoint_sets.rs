@@ -1,11 +1,11 @@
 //! Connected components by union-find.
 
 /// Disjoint sets of vertices as a forest of parent indices.
-pub(super) struct DisjointSets(Vec<u32>);
+pub(crate) struct DisjointSets(Vec<u32>);
 
 impl DisjointSets {
     /// One set per vertex.
-    pub(super) fn new(n: usize) -> Self {
+    pub(crate) fn new(n: usize) -> Self {
         Self((0..n as u32).collect())
     }
 
@@ -20,14 +20,14 @@ impl DisjointSets {
     }
 
     /// Merges the sets of two vertices.
-    pub(super) fn join(&mut self, a: u32, b: u32) {
+    pub(crate) fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         // The lower vertex becomes the root, so that indices follow the order of vertices.
         self.0[a.max(b) as usize] = a.min(b);
     }
 
     /// Returns the index of the set of each vertex, and the number of sets.
-    pub(super) fn number(mut self) -> (Vec<u32>, usize) {
+    pub(crate) fn number(mut self) -> (Vec<u32>, usize) {
         let mut numbers = vec![0; self.0.len()];
         let mut next = 0;
         for v in 0..self.0.len() as u32 {

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::MeshError;
 pub use area::vertex_areas;
+pub(crate) use disjoint_sets::DisjointSets;
 pub use materials::Materials;
 pub use prepare::MeshPrepare;
 pub use regions::Regions;

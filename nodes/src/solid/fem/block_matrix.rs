@@ -1,0 +1,133 @@
+//! Stiffness and mass over the same pairs of nodes, as sparse matrices of blocks.
+
+use faer::{Mat, MatMut, MatRef};
+use rayon::prelude::*;
+
+/// Nodes per task of a product; fixed, so that tasks do not depend on the number of threads.
+const CHUNK: usize = 512;
+
+/// Stiffness `K` as 3 x 3 blocks, and mass `M` as one number per pair of nodes, the same along each axis.
+///
+/// # Shapes
+/// Row `i` has the columns `columns[starts[i]..starts[i + 1]]`, in order. A vector of displacements has three entries per node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockMatrix {
+    /// First entry of each row, `[nodes + 1]`.
+    pub starts: Vec<usize>,
+    /// Column of each entry.
+    pub columns: Vec<u32>,
+    /// Blocks of the stiffness by rows, N/m.
+    pub stiffness: Vec<[f64; 9]>,
+    /// Masses, kg.
+    pub mass: Vec<f64>,
+}
+
+impl BlockMatrix {
+    /// Number of nodes.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Number of degrees of freedom.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        3 * self.nodes()
+    }
+
+    fn row(&self, i: usize) -> std::ops::Range<usize> {
+        self.starts[i]..self.starts[i + 1]
+    }
+
+    /// `M X`.
+    #[must_use]
+    pub fn mass_times(&self, x: MatRef<'_, f64>) -> Mat<f64> {
+        self.product(x, |k, v, sum| {
+            let m = self.mass[k];
+            (0..3).for_each(|a| sum[a] += m * v[a]);
+        })
+    }
+
+    /// `K X`.
+    #[must_use]
+    pub fn stiffness_times(&self, x: MatRef<'_, f64>) -> Mat<f64> {
+        self.product(x, |k, v, sum| {
+            let block = &self.stiffness[k];
+            (0..3).for_each(|a| {
+                sum[a] += block[3 * a] * v[0] + block[3 * a + 1] * v[1] + block[3 * a + 2] * v[2]
+            });
+        })
+    }
+
+    /// `|K| |X|`, for bounds of rounding errors.
+    #[must_use]
+    pub fn absolute_stiffness_times(&self, x: MatRef<'_, f64>) -> Mat<f64> {
+        self.product(x, |k, v, sum| {
+            let block = &self.stiffness[k];
+            (0..3).for_each(|a| sum[a] += (0..3).map(|b| (block[3 * a + b] * v[b]).abs()).sum::<f64>());
+        })
+    }
+
+    fn product(&self, x: MatRef<'_, f64>, add: impl Fn(usize, [f64; 3], &mut [f64; 3]) + Sync) -> Mat<f64> {
+        let mut out = Mat::zeros(x.nrows(), x.ncols());
+        out.as_mut().par_row_chunks_mut(3 * CHUNK).enumerate().for_each(
+            |(chunk, mut out): (usize, MatMut<'_, f64>)| {
+                for j in 0..x.ncols() {
+                    let x = x.col(j);
+                    for local in 0..out.nrows() / 3 {
+                        let mut sum = [0.0; 3];
+                        for k in self.row(chunk * CHUNK + local) {
+                            let c = 3 * self.columns[k] as usize;
+                            add(k, [x[c], x[c + 1], x[c + 2]], &mut sum);
+                        }
+                        (0..3).for_each(|a| out[(3 * local + a, j)] = sum[a]);
+                    }
+                }
+            },
+        );
+        out
+    }
+
+    /// The lower triangle of `K - shift M` by columns: first entries, rows and values.
+    #[must_use]
+    pub fn shifted(&self, shift: f64) -> (Vec<usize>, Vec<usize>, Vec<f64>) {
+        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        for i in 0..self.nodes() {
+            for a in 0..3 {
+                for k in self.row(i).filter(|k| self.columns[*k] as usize >= i) {
+                    let j = self.columns[k] as usize;
+                    for b in if j == i { a..3 } else { 0..3 } {
+                        // Both matrices are symmetric.
+                        let mass = if a == b { self.mass[k] } else { 0.0 };
+                        rows.push(3 * j + b);
+                        values.push(self.stiffness[k][3 * a + b] - shift * mass);
+                    }
+                }
+                starts.push(rows.len());
+            }
+        }
+        (starts, rows, values)
+    }
+
+    /// Dense copies of `K` and `M`.
+    #[must_use]
+    pub fn dense(&self) -> [Mat<f64>; 2] {
+        let mut all = [Mat::zeros(self.size(), self.size()), Mat::zeros(self.size(), self.size())];
+        for i in 0..self.nodes() {
+            for k in self.row(i) {
+                let j = self.columns[k] as usize;
+                for a in 0..3 {
+                    (0..3).for_each(|b| all[0][(3 * i + a, 3 * j + b)] = self.stiffness[k][3 * a + b]);
+                    all[1][(3 * i + a, 3 * j + a)] = self.mass[k];
+                }
+            }
+        }
+        all
+    }
+
+    /// Bytes in memory.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        (8 * self.starts.len() + (4 + 72 + 8) * self.columns.len()) as u64
+    }
+}

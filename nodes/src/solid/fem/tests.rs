@@ -1,0 +1,3 @@
+mod analytic;
+mod assembly;
+mod solver;

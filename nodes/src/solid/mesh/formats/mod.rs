@@ -1,0 +1,72 @@
+//! Formats of tetrahedral meshes, recognised by their content.
+
+mod gmsh;
+mod medit;
+mod raw;
+mod source;
+mod tetgen;
+mod vtu;
+
+use super::tet_mesh::{TetMesh, TetMeshError};
+use source::Source;
+
+#[cfg(test)]
+mod tests;
+
+/// Formats that are read, for messages.
+pub const FORMATS: &str = "Gmsh .msh 2.2 (ASCII) and 4.1 (ASCII, binary), Medit .mesh, TetGen .ele with .node, and VTK .vtu (ASCII, inline base64)";
+
+/// Reads a tetrahedral mesh; the `nodes` are the `.node` file of a TetGen `.ele`.
+///
+/// # Errors
+/// Position in the file, what was found, and what would be right; and as [`TetMesh::new`].
+///
+/// # Complexity
+/// O(n) in bytes on average: memory is bounded by the file, not by the counts in it.
+///
+/// # Example
+/// ```
+/// use foley_nodes::solid::mesh::formats::read_tets;
+/// let text = b"MeshVersionFormatted 2\nDimension 3\nVertices\n4\n0 0 0 0\n1 0 0 0\n0 1 0 0\n0 0 1 0\nTetrahedra\n1\n1 2 3 4 0\nEnd\n";
+/// let mesh = read_tets(text, None)?;
+/// assert!((mesh.volume() - 1.0 / 6.0).abs() < 1e-12);
+/// # Ok::<(), foley_nodes::solid::TetMeshError>(())
+/// ```
+pub fn read_tets(bytes: &[u8], nodes: Option<&[u8]>) -> Result<TetMesh, TetMeshError> {
+    let bytes = crate::core::files::strip_bom(bytes);
+    let text = bytes.trim_ascii_start();
+    let raw = if text.starts_with(b"$") {
+        gmsh::read(bytes)?
+    } else if text.starts_with(b"<") {
+        vtu::read(bytes)?
+    } else if text.starts_with(b"# vtk DataFile") {
+        return Err(TetMeshError::Format("a legacy .vtk file; save it as .vtu".into()));
+    } else {
+        let mut source = Source::new(bytes, b"#");
+        match source.word() {
+            Some(word) if word.eq_ignore_ascii_case(b"MeshVersionFormatted") => medit::read(bytes)?,
+            Some(word) if word.iter().all(u8::is_ascii_digit) => tetgen::read(bytes, nodes)?,
+            Some(word) => {
+                return Err(TetMeshError::Format(format!("a file that begins with {}", source::shown(word))));
+            }
+            None => return Err(TetMeshError::Format("an empty file".into())),
+        }
+    };
+    raw.mesh()
+}
+
+/// Writes a mesh as Medit `.mesh`.
+#[must_use]
+pub fn write_medit(mesh: &TetMesh) -> String {
+    use std::fmt::Write as _;
+    let mut text = format!("MeshVersionFormatted 2\nDimension 3\nVertices\n{}\n", mesh.nodes.len());
+    for [x, y, z] in &mesh.nodes {
+        let _ = writeln!(text, "{x:?} {y:?} {z:?} 0");
+    }
+    let _ = writeln!(text, "Tetrahedra\n{}", mesh.tets.len());
+    for tet in &mesh.tets {
+        let [a, b, c, d] = tet.map(|c| c + 1);
+        let _ = writeln!(text, "{a} {b} {c} {d} 0");
+    }
+    text + "End\n"
+}

@@ -1,0 +1,10 @@
+//! Tetrahedral meshes: readers of their formats, and the checks that finite elements require.
+
+pub mod closed_surface;
+pub mod formats;
+pub mod quality;
+pub mod shapes;
+pub mod surface_to_tets;
+pub mod tet_mesh;
+pub mod tet_mesh_file;
+pub mod voxels;

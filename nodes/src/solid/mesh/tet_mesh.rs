@@ -1,0 +1,301 @@
+//! A mesh of tetrahedra.
+
+use super::quality::{self, Quality};
+use crate::core::item::Data;
+use crate::core::node::Summary;
+use crate::core::random::Rng;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use thiserror::Error;
+
+/// Volume relative to the mean at which an element counts as degenerate.
+const DEGENERATE: f64 = 1e-12;
+/// Maximum number of elements.
+pub const MAX_TETS: usize = 1 << 26;
+
+/// Tetrahedra with straight edges over nodes in metres.
+///
+/// [`TetMesh::new`] checks the invariants: all coordinates are finite, every node is used, every element has a positive volume
+/// `det(b - a, c - a, d - a) / 6`, and no element is there twice.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TetMesh {
+    /// Positions of the nodes, m.
+    pub nodes: Vec<[f64; 3]>,
+    /// The four corners of each element.
+    pub tets: Vec<[u32; 4]>,
+}
+
+/// Error in a tetrahedral mesh.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum TetMeshError {
+    /// A file of another format.
+    #[error("this is {0}; the formats are {formats}", formats = super::formats::FORMATS)]
+    Format(String),
+    /// A mistake at a position of the file.
+    #[error("{position}: {what}")]
+    Text {
+        /// Line or byte.
+        position: String,
+        /// What was found, and what would be right.
+        what: String,
+    },
+    /// No tetrahedra, or too many.
+    #[error("there are {found} tetrahedra; 1 to {MAX_TETS} are needed")]
+    Count {
+        /// The number found.
+        found: usize,
+    },
+    /// A coordinate that is not finite.
+    #[error("node {node} has a coordinate that is not finite or above 1e6 m")]
+    NotFinite {
+        /// Index of the node, from 0.
+        node: usize,
+    },
+    /// An element over a node that does not exist.
+    #[error("tetrahedron {tet} names node {node}; there are {nodes}, counted from 0")]
+    Node {
+        /// Index of the element, from 0.
+        tet: usize,
+        /// Index of the node.
+        node: u32,
+        /// Number of nodes.
+        nodes: usize,
+    },
+    /// An element without volume.
+    #[error(
+        "tetrahedron {tet} has a volume of {volume:e} m^3, less than 1e-12 of the mean: remove it, or mesh the object again"
+    )]
+    Degenerate {
+        /// Index of the element, from 0.
+        tet: usize,
+        /// Its volume.
+        volume: f64,
+    },
+    /// Two elements with the same corners.
+    #[error("tetrahedra {first} and {second} have the same nodes: remove one of them")]
+    Duplicate {
+        /// Index of one element, from 0.
+        first: usize,
+        /// Index of the other.
+        second: usize,
+    },
+    /// A face of more than two elements.
+    #[error("the face of nodes {nodes:?} belongs to three tetrahedra or more; at most two may share a face")]
+    Face {
+        /// Indices of the nodes.
+        nodes: [u32; 3],
+    },
+    /// An element too flat to compute with.
+    #[error(
+        "tetrahedron {tet} is too flat: its smallest dihedral angle is {angle} degrees (0.1 are needed), its ratio of radii {ratio:e} (1e-3 is \
+         needed): optimise the mesh"
+    )]
+    Sliver {
+        /// Index of the element, from 0.
+        tet: usize,
+        /// Smallest dihedral angle, degrees.
+        angle: f64,
+        /// Three times the radius of the inscribed sphere over that of the circumscribed one.
+        ratio: f64,
+    },
+    /// Parts that share nodes, but no face.
+    #[error(
+        "{parts} parts of the object touch at a corner or an edge only, as a hinge that turns freely: join them over a face, or take them apart"
+    )]
+    Hinge {
+        /// Number of parts by shared faces.
+        parts: usize,
+    },
+}
+
+impl TetMesh {
+    /// A mesh: orients its elements, drops the nodes that none uses, and checks it.
+    ///
+    /// # Errors
+    /// The first invariant that does not hold; slivers with a dihedral angle below 0.1 degrees or a ratio of radii below 1e-3.
+    ///
+    /// # Complexity
+    /// O(n) on average.
+    pub fn new(nodes: Vec<[f64; 3]>, tets: Vec<[u32; 4]>) -> Result<Self, TetMeshError> {
+        let mut mesh = Self { nodes, tets };
+        if !(1..=MAX_TETS).contains(&mesh.tets.len()) {
+            return Err(TetMeshError::Count { found: mesh.tets.len() });
+        }
+        if let Some(node) = mesh.nodes.iter().position(|p| !p.iter().all(|x| x.abs() <= 1e6)) {
+            return Err(TetMeshError::NotFinite { node });
+        }
+        for (tet, corners) in mesh.tets.iter().enumerate() {
+            if let Some(&node) = corners.iter().find(|c| **c as usize >= mesh.nodes.len()) {
+                return Err(TetMeshError::Node { tet, node, nodes: mesh.nodes.len() });
+            }
+        }
+        mesh.orient()?;
+        mesh.distinct()?;
+        mesh.drop_unused();
+        let worst = quality::worst(&mesh);
+        if worst.angle < quality::MIN_ANGLE || worst.ratio < quality::MIN_RATIO {
+            return Err(TetMeshError::Sliver { tet: worst.tet, angle: worst.angle, ratio: worst.ratio });
+        }
+        mesh.surface()?;
+        Ok(mesh)
+    }
+
+    fn orient(&mut self) -> Result<(), TetMeshError> {
+        let volumes: Vec<f64> = self.tets.iter().map(|t| signed_volume(&self.corners(t))).collect();
+        let mean = volumes.iter().map(|v| v.abs()).sum::<f64>() / volumes.len() as f64;
+        for (tet, (corners, volume)) in self.tets.iter_mut().zip(volumes).enumerate() {
+            // A mean of 0 makes all of them degenerate.
+            if volume.abs() < DEGENERATE * mean || volume == 0.0 {
+                return Err(TetMeshError::Degenerate { tet, volume: volume.abs() });
+            }
+            if volume < 0.0 {
+                corners.swap(2, 3);
+            }
+        }
+        Ok(())
+    }
+
+    fn distinct(&self) -> Result<(), TetMeshError> {
+        let mut found = HashMap::with_capacity(self.tets.len());
+        for (second, corners) in self.tets.iter().enumerate() {
+            let mut key = *corners;
+            key.sort_unstable();
+            if let Some(first) = found.insert(key, second) {
+                return Err(TetMeshError::Duplicate { first, second });
+            }
+        }
+        Ok(())
+    }
+
+    fn drop_unused(&mut self) {
+        let mut index = vec![u32::MAX; self.nodes.len()];
+        self.tets.iter().flatten().for_each(|c| index[*c as usize] = 0);
+        let mut nodes = Vec::new();
+        for (index, node) in index.iter_mut().zip(&self.nodes).filter(|(index, _)| **index == 0) {
+            *index = nodes.len() as u32;
+            nodes.push(*node);
+        }
+        self.tets.iter_mut().flatten().for_each(|c| *c = index[*c as usize]);
+        self.nodes = nodes;
+    }
+
+    /// Positions of the corners of an element.
+    #[must_use]
+    pub fn corners(&self, tet: &[u32; 4]) -> [[f64; 3]; 4] {
+        tet.map(|c| self.nodes[c as usize])
+    }
+
+    /// The faces that belong to one element, anticlockwise seen from outside, in the order of the elements.
+    ///
+    /// # Errors
+    /// A face that belongs to more than two elements.
+    pub fn surface(&self) -> Result<Vec<[u32; 3]>, TetMeshError> {
+        let mut count: HashMap<[u32; 3], u8> = HashMap::with_capacity(2 * self.tets.len());
+        for face in self.tets.iter().flat_map(faces) {
+            let seen = count.entry(sorted(face)).or_insert(0);
+            *seen += 1;
+            if *seen > 2 {
+                return Err(TetMeshError::Face { nodes: face });
+            }
+        }
+        Ok(self.tets.iter().flat_map(faces).filter(|face| count[&sorted(*face)] == 1).collect())
+    }
+
+    /// Volume, m^3.
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        self.tets.iter().map(|t| signed_volume(&self.corners(t))).sum()
+    }
+
+    /// Lowest and highest coordinates, m.
+    #[must_use]
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        for p in &self.nodes {
+            for k in 0..3 {
+                bounds[0][k] = bounds[0][k].min(p[k]);
+                bounds[1][k] = bounds[1][k].max(p[k]);
+            }
+        }
+        bounds
+    }
+
+    /// Edges of the bounding box, m.
+    #[must_use]
+    pub fn size(&self) -> [f64; 3] {
+        let [low, high] = self.bounds();
+        [0, 1, 2].map(|k| high[k] - low[k])
+    }
+
+    /// The mesh in other units.
+    #[must_use]
+    pub fn scaled(mut self, factor: f64) -> Self {
+        self.nodes.iter_mut().flatten().for_each(|x| *x *= factor);
+        self
+    }
+
+    /// Worst elements, parts and counts.
+    #[must_use]
+    pub fn quality(&self) -> Quality {
+        quality::quality(self)
+    }
+
+    /// Figures for the summary of a run.
+    #[must_use]
+    pub fn summary(&self) -> Summary {
+        let [low, high] = self.bounds();
+        let quality = self.quality();
+        vec![
+            ("nodes", self.nodes.len().into()),
+            ("tetrahedra", self.tets.len().into()),
+            ("bounding_box_m", serde_json::json!([low, high])),
+            ("volume_m3", self.volume().into()),
+            ("components", quality.components.into()),
+            ("smallest_dihedral_angle_deg", quality.worst.angle.into()),
+            ("smallest_ratio_of_radii", quality.worst.ratio.into()),
+        ]
+    }
+}
+
+fn sorted(mut face: [u32; 3]) -> [u32; 3] {
+    face.sort_unstable();
+    face
+}
+
+/// The four faces of an element of positive volume, anticlockwise seen from outside.
+pub(in crate::solid) fn faces([a, b, c, d]: &[u32; 4]) -> [[u32; 3]; 4] {
+    let (a, b, c, d) = (*a, *b, *c, *d);
+    [[a, c, b], [a, b, d], [b, c, d], [a, d, c]]
+}
+
+pub(in crate::solid) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub(in crate::solid) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(in crate::solid) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Signed volume of a tetrahedron.
+pub(in crate::solid) fn signed_volume(p: &[[f64; 3]; 4]) -> f64 {
+    dot(minus(p[1], p[0]), cross(minus(p[2], p[0]), minus(p[3], p[0]))) / 6.0
+}
+
+impl Data for TetMesh {
+    const NAME: &'static str = "tetrahedral mesh";
+
+    fn trial(rng: &mut Rng) -> Self {
+        let cells = [1 + rng.below(2), 1 + rng.below(2), 1 + rng.below(2)];
+        let size = [0.0; 3].map(|_| rng.between(0.05, 0.1));
+        super::shapes::block(size, cells)
+    }
+}
+
+#[cfg(test)]
+mod tests;

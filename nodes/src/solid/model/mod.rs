@@ -1,0 +1,13 @@
+//! The modes of an object with their shapes on its surface, and what they sound like from contact points.
+
+pub mod contact;
+pub mod cull;
+pub mod modal_analysis;
+pub mod modal_model;
+pub mod modal_model_file;
+pub mod model_modes;
+pub mod radiance;
+pub mod surface;
+
+#[cfg(test)]
+mod tests;
