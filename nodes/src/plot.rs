@@ -1,5 +1,7 @@
 //! Line charts as SVG, for the figures of values.
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 
 /// Width and height of a chart, px.
@@ -68,11 +70,48 @@ impl Line {
     }
 }
 
+/// Grey pixels that fill the frame of a chart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Number of pixels along x.
+    pub width: usize,
+    /// `[height, width]`, from the top left pixel on: 0 is black.
+    pub pixels: Vec<u8>,
+}
+
+impl Image {
+    /// An SVG element with the pixels as a PNG, at `[left, top, width, height]`; `None` if the image is empty.
+    pub(crate) fn element(&self, [left, top, width, height]: [f64; 4]) -> Option<String> {
+        let rows = self.pixels.len().checked_div(self.width)?;
+        let png = STANDARD.encode(grey_png([self.width, rows], &self.pixels)?);
+        Some(format!(
+            "<image x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" \
+             href=\"data:image/png;base64,{png}\"/>"
+        ))
+    }
+}
+
+/// Encodes one byte per pixel as a grey PNG.
+pub(crate) fn grey_png([width, height]: [usize; 2], bytes: &[u8]) -> Option<Vec<u8>> {
+    let mut out = Vec::new();
+    let (width, height) = (u32::try_from(width).ok()?, u32::try_from(height).ok()?);
+    let mut encoder = png::Encoder::new(&mut out, width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().ok()?.write_image_data(bytes).ok()?;
+    Some(out)
+}
+
 /// Draws a chart of lines as an SVG document; the colours change from blue for the first line to red for the last.
 ///
 /// Points outside of the ranges of the axes are clamped to the frame.
 #[must_use]
 pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
+    chart_over(None, title, x, y, lines)
+}
+
+/// Draws a chart over an image, as [`chart`].
+#[must_use]
+pub fn chart_over(image: Option<&Image>, title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
     let [width, height] = SIZE;
     let [left, top, right, bottom] = MARGIN;
     let pixel = |p: [f64; 2]| {
@@ -83,6 +122,11 @@ pub fn chart(title: &str, x: &Axis, y: &Axis, lines: &[Line]) -> String {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
          font-size=\"12\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
+    let frame = [left, top, width - left - right, height - top - bottom];
+    if let Some(element) = image.and_then(|image| image.element(frame)) {
+        svg += &element;
+        svg.push('\n');
+    }
     let mut text = |x: f64, y: f64, anchor: &str, extra: &str, text: &str| {
         let text = escaped(text);
         // Writing to a string cannot fail.

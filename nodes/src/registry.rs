@@ -38,6 +38,7 @@ use crate::mesh::mesh_sequence::MeshSequence;
 use crate::mesh::mesh_subdivide::MeshSubdivide;
 use crate::modal::bank::modal_bank::ModalBankNode;
 use crate::modal::extraction::impacts_from_recording::ImpactsFromRecording;
+use crate::modal::extraction::modal_features::ModalFeatures;
 use crate::modal::extraction::modal_from_recording::ModalFromRecording;
 use crate::modal::extraction::sound_comparison::SoundComparison;
 use crate::modal::impact::impact_file::ImpactFile;
@@ -290,6 +291,7 @@ impl Registry {
             .with::<ImpactForce>()
             .with_func::<MembraneModes>()
             .with::<ModalBankNode>()
+            .with_func::<ModalFeatures>()
             .with_func::<ModalFromRecording>()
             .with::<ModalResidual>()
             .with_func::<ModesFile>()

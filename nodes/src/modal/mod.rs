@@ -11,9 +11,12 @@ pub mod residual;
 
 pub use bank::loudness::loudness;
 pub use bank::resonators::{Bank, BankOutput};
+pub use extraction::comparison::{Comparison, compare};
 pub use extraction::extract::{ExtractError, ExtractParams, Extracted, extract};
-pub use extraction::feature::{Feature, FeatureSet};
+pub use extraction::feature::{Feature, FeatureSet, FeatureSets};
 pub use extraction::onset::{impacts, onset, onsets};
+pub use extraction::report::{ExtractionReport, RecordingReport};
+pub use extraction::surrogate::surrogate;
 pub use impact::event::{Body, Impact};
 pub use impact::force_ring::ForceRing;
 pub use impact::pulse::{Law, PulseShape, contact_time};

@@ -6,7 +6,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Func, Summary};
 use crate::core::ports::{Many, Value};
 use crate::core::shape::{Build, Shape};
-use crate::modal::{Feature, FeatureSet, Modes};
+use crate::modal::{Feature, FeatureSet, FeatureSets, Modes};
 use crate::{params, ports};
 
 params! {
@@ -36,8 +36,8 @@ params! {
 ports! {
     pub struct FeatureGatePorts / FeatureGateIo {
         in {
-            /// Modes of one recording each, with their uncertainties.
-            features: Many<Value<FeatureSet>>,
+            /// Modes of recordings, with their uncertainties.
+            features: Many<Value<FeatureSets>>,
             /// Modes of one recording each, without uncertainties.
             modes: Many<Value<Modes>>,
         }
@@ -72,6 +72,7 @@ impl Func for FeatureGate {
     type Params = FeatureGateParams;
     type Ports = FeatureGatePorts;
     const NAME: &'static str = "FeatureGate";
+    const VERSION: u32 = 2;
     // Recordings are named after their files.
     const EXPOSES_PATHS: bool = true;
 
@@ -84,7 +85,7 @@ impl Func for FeatureGate {
     }
 
     fn eval(p: &FeatureGateParams, _: &Build<'_>, mut io: FeatureGateIo<'_>) -> Result<Summary, Fault> {
-        let mut sets: Vec<FeatureSet> = io.features.iter().cloned().collect();
+        let mut sets: Vec<FeatureSet> = io.features.iter().flat_map(|all| all.sets.iter().cloned()).collect();
         sets.extend(io.modes.iter().map(of_modes));
         for (k, set) in sets.iter().enumerate() {
             if let Some(fault) = set.fault() {

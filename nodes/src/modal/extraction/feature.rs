@@ -90,7 +90,15 @@ impl FeatureSet {
     }
 }
 
-impl Data for FeatureSet {
+/// The modes of several recordings.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FeatureSets {
+    /// One for each impact.
+    pub sets: Vec<FeatureSet>,
+}
+
+impl Data for FeatureSets {
     const NAME: &'static str = "modal features";
 
     fn trial(rng: &mut Rng) -> Self {
@@ -105,7 +113,10 @@ impl Data for FeatureSet {
                 ..Feature::default()
             }
         };
-        let features = (0..10 + rng.below(20)).map(|_| feature(rng)).collect();
-        Self { recording: "trial".into(), object: "trial".into(), features }
+        let set = |rng: &mut Rng| {
+            let features = (0..10 + rng.below(20)).map(|_| feature(rng)).collect();
+            FeatureSet { recording: "trial".into(), object: "trial".into(), features }
+        };
+        Self { sets: (0..1 + rng.below(3)).map(|_| set(rng)).collect() }
     }
 }

@@ -1,11 +1,9 @@
 //! Maps as SVG with the pixels embedded as a PNG.
 
-use crate::plot::escaped;
+use crate::plot::{Image, escaped, grey_png};
 use crate::texture::filter::{Kernel, smooth};
 use crate::texture::grid::{Grid, Wrap};
 use crate::texture::maps::Surface;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 
 /// Maximum side of a drawn map in pixels; larger maps are halved.
@@ -58,28 +56,14 @@ pub(in crate::texture) fn picture(
 
 /// Encodes one byte per pixel of a map as a grey PNG.
 pub(in crate::texture) fn encode_png(map: &Grid, bytes: &[u8]) -> Option<Vec<u8>> {
-    let mut out = Vec::new();
-    let (width, height) = (u32::try_from(map.width).ok()?, u32::try_from(map.height).ok()?);
-    let mut encoder = png::Encoder::new(&mut out, width, height);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.write_header().ok()?.write_image_data(bytes).ok()?;
-    Some(out)
+    grey_png([map.width, map.height], bytes)
 }
 
 /// An SVG element of a map in grey, at `[left, top, width, height]`; `low > high` inverts it.
-pub(crate) fn image_element(
-    map: &Grid,
-    [low, high]: [f32; 2],
-    [left, top, width, height]: [f64; 4],
-) -> Option<String> {
+pub(crate) fn image_element(map: &Grid, [low, high]: [f32; 2], frame: [f64; 4]) -> Option<String> {
     let scale = if high == low { 0.0 } else { 255.0 / (high - low) };
-    let bytes: Vec<u8> =
-        map.samples.iter().map(|x| ((x - low) * scale).round().clamp(0.0, 255.0) as u8).collect();
-    let png = STANDARD.encode(encode_png(map, &bytes)?);
-    Some(format!(
-        "<image x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" \
-         href=\"data:image/png;base64,{png}\"/>"
-    ))
+    let grey = |x: &f32| ((x - low) * scale).round().clamp(0.0, 255.0) as u8;
+    Image { width: map.width, pixels: map.samples.iter().map(grey).collect() }.element(frame)
 }
 
 #[cfg(test)]
