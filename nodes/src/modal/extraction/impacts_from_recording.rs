@@ -83,7 +83,7 @@ fn found(samples: &[f32], rate: f64, which: Onsets) -> Vec<(usize, f32)> {
 impl ImpactsFromRecording {
     fn read(p: &ImpactsFromRecordingParams, samples: &[f32], rate: Rate) -> Vec<(Tick, Impact)> {
         let found = found(samples, rate.as_f64(), p.onsets);
-        let peak = found.iter().map(|f| f.1).fold(f32::MIN_POSITIVE, f32::max);
+        let peak = samples.iter().fold(f32::MIN_POSITIVE, |m, x| m.max(x.abs()));
         let impact = |(sample, size): &(usize, f32)| {
             let body = Body { mass: 0.1, restitution: 0.5 };
             let impulse = p.impulse * f64::from(size / peak);

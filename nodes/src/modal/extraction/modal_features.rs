@@ -33,10 +33,8 @@ params! {
     /// Each recording is explained by damped sines, as in `ModalFromRecording`. Their frequencies and decay rates have standard deviations,
     /// which follow from what is left unexplained around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it
     /// lists what was found. A recording rings if it is explained better by 5 dB than noise with the same spectrogram, its surrogate: dull
-    /// thuds are explained as well as their surrogates, and their modes say little of the material.
-    ///
-    /// # Randomness
-    /// The surrogates are a function of the index of the recording.
+    /// thuds are explained as well as their surrogates, and their modes say little of the material. Surrogates depend on the index of the
+    /// recording only.
     ///
     /// # Source
     /// Sirdey et al., "Modal analysis of impact sounds with ESPRIT in Gabor transforms" (DAFx 2011); Sterling et al.,
