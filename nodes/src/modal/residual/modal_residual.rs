@@ -22,6 +22,9 @@ params! {
     /// same forces and modes, and their outputs are added. An impact excites each band like a mode at its frequency, and sounds the same
     /// each time but for its random detail. Forces of several channels are added up. Modes without bands of noise give silence.
     ///
+    /// # Randomness
+    /// Phases and frequencies of the bands are a function of the seed and the sample index.
+    ///
     /// # Source
     /// Ren, Yeh and Lin, "Example-guided physically based modal sound synthesis" (ACM TOG 32(1), 2013), section 6, for a residual beside the
     /// modes; bands of noise in place of its samples are a choice.
