@@ -289,10 +289,10 @@ mod tests {
     #[test]
     fn several_impacts_are_an_error_unless_they_are_split() {
         let sound = ring(&[2000, 30_000]);
-        let fault = run(&[sound.clone()], "None").err().unwrap();
+        let fault = run(std::slice::from_ref(&sound), "None").err().unwrap();
         assert!(fault.code == "F077" && fault.message.contains("2 impacts, at 0.000 s, 0.67"), "{fault:?}");
         let count = |split| {
-            let run = run(&[sound.clone()], split).unwrap();
+            let run = run(std::slice::from_ref(&sound), split).unwrap();
             run.value(0).unwrap().get::<FeatureSets>().unwrap().sets.len()
         };
         assert_eq!((count("First"), count("All")), (1, 2));

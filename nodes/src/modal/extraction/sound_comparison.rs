@@ -5,7 +5,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::files::{MemoryFiles, WriteSeek};
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Summary, same_rate};
-use crate::core::params::{OutPath, Params};
+use crate::core::params::OutPath;
 use crate::core::ports::Stream;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
@@ -191,10 +191,7 @@ impl Node for SoundComparison {
 
     archive_state!(sounds, left_out);
 
-    fn trial(rng: &mut Rng) -> (SoundComparisonParams, MemoryFiles) {
-        (
-            SoundComparisonParams { table: None, figure: None, ..SoundComparisonParams::trial(rng) },
-            MemoryFiles::default(),
-        )
+    fn trial(_: &mut Rng) -> (SoundComparisonParams, MemoryFiles) {
+        (SoundComparisonParams { table: None, figure: None }, MemoryFiles::default())
     }
 }
