@@ -2,6 +2,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
 /// Width and height of a chart, px.
@@ -70,24 +71,25 @@ impl Line {
     }
 }
 
-/// Grey pixels that fill the frame of a chart.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Image {
-    /// Number of pixels along x.
-    pub width: usize,
-    /// `[height, width]`, from the top left pixel on: 0 is black.
-    pub pixels: Vec<u8>,
-}
+/// A grey picture that fills the frame of a chart: a PNG in base64.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Image(String);
 
 impl Image {
-    /// An SVG element with the pixels as a PNG, at `[left, top, width, height]`; `None` if the image is empty.
-    pub(crate) fn element(&self, [left, top, width, height]: [f64; 4]) -> Option<String> {
-        let rows = self.pixels.len().checked_div(self.width)?;
-        let png = STANDARD.encode(grey_png([self.width, rows], &self.pixels)?);
-        Some(format!(
+    /// Encodes one byte per pixel, `[height, width]` from the top left on, 0 for black; `None` if there are none.
+    #[must_use]
+    pub fn grey(size: [usize; 2], pixels: &[u8]) -> Option<Self> {
+        grey_png(size, pixels).map(|png| Self(STANDARD.encode(png)))
+    }
+
+    /// An SVG element of the picture.
+    pub(crate) fn element(&self, [left, top, width, height]: [f64; 4]) -> String {
+        format!(
             "<image x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height:.1}\" preserveAspectRatio=\"none\" \
-             href=\"data:image/png;base64,{png}\"/>"
-        ))
+             href=\"data:image/png;base64,{}\"/>",
+            self.0
+        )
     }
 }
 
@@ -123,8 +125,8 @@ pub fn chart_over(image: Option<&Image>, title: &str, x: &Axis, y: &Axis, lines:
          font-size=\"12\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
     let frame = [left, top, width - left - right, height - top - bottom];
-    if let Some(element) = image.and_then(|image| image.element(frame)) {
-        svg += &element;
+    if let Some(image) = image {
+        svg += &image.element(frame);
         svg.push('\n');
     }
     let mut text = |x: f64, y: f64, anchor: &str, extra: &str, text: &str| {

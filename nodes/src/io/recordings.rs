@@ -1,10 +1,10 @@
 //! Recordings that nodes load as a whole: checks, warnings and trial files.
 
 use super::{AudioInfo, AudioReader, AudioWriter, ReadSeek, WriteFormat, WriteSpec};
-use crate::core::fault::Reject;
+use crate::core::fault::{Fault, Reject};
 use crate::core::node::Summary;
 use crate::core::params::AssetPath;
-use crate::core::shape::Shape;
+use crate::core::shape::{Build, Shape};
 use std::fmt::Display;
 
 /// Greatest length of a recording that a node loads.
@@ -50,6 +50,19 @@ impl RecordingParam {
             return Err(self.unusable(path, format!("{frames} frames; at most {max}{reason} are read")));
         }
         Ok(reader)
+    }
+
+    /// Reads a recording as a whole, with its channels averaged, and what is known of it.
+    ///
+    /// # Errors
+    /// A file that is no audio, is too long, or holds a sample that is not finite.
+    pub(crate) fn read_mono(&self, cx: &Build<'_>, path: &str) -> Result<(Vec<f32>, AudioInfo), Fault> {
+        let mut reader = self.open(path, cx.open(self.name, path)?)?;
+        let samples = reader.read_mono().map_err(|e| self.unusable(path, e))?;
+        if let Some(index) = samples.iter().position(|x| !x.is_finite()) {
+            return Err(self.unusable(path, format!("sample {index} is not finite")).into());
+        }
+        Ok((samples, reader.info().clone()))
     }
 
     /// Checks a list of recordings: reports errors, notes warnings and reserves memory.

@@ -14,7 +14,7 @@ pub use bank::resonators::{Bank, BankOutput};
 pub use extraction::comparison::{Comparison, compare};
 pub use extraction::extract::{ExtractError, ExtractParams, Extracted, extract};
 pub use extraction::feature::{Feature, FeatureSet, FeatureSets};
-pub use extraction::onset::{impacts, onset, onsets};
+pub use extraction::onset::{impacts, loudest_impact, onset, onsets};
 pub use extraction::report::{ExtractionReport, RecordingReport};
 pub use extraction::surrogate::surrogate;
 pub use impact::event::{Body, Impact};

@@ -85,13 +85,9 @@ struct Recording {
 
 impl Recording {
     fn read(p: &CrumpleExtractorParams, cx: &Build<'_>, path: &str) -> Result<Self, Fault> {
-        let mut reader = RECORDINGS.open(path, cx.open("recordings", path)?)?;
-        let samples = reader.read_mono().map_err(|e| RECORDINGS.unusable(path, e))?;
-        let notices = recording_warnings(path, reader.info(), &samples);
-        if let Some(index) = samples.iter().position(|x| !x.is_finite()) {
-            return Err(RECORDINGS.unusable(path, format!("sample {index} is not finite")).into());
-        }
-        let (from, to) = (reader.info().rate, p.rate);
+        let (samples, info) = RECORDINGS.read_mono(cx, path)?;
+        let notices = recording_warnings(path, &info, &samples);
+        let (from, to) = (info.rate, p.rate);
         let samples = if Rate::new(from.into(), 1) == Some(to) {
             samples
         } else {

@@ -1,11 +1,11 @@
 //! Loudness of an object under a force of known strength.
 
 use super::resonators::{Bank, BankOutput};
-use crate::dsp::{Weighting, weighted_rms};
+use crate::dsp::{Reference, Weighting, weighted_rms};
 use crate::modal::mode::modes::{Modes, ModesError};
 
 /// Level of the sound of a white force of 1 N RMS with normalized gains.
-pub(in crate::modal) const REFERENCE: f64 = 0.01;
+const REFERENCE: f64 = 0.01;
 /// Sample rate of the responses, Hz.
 const RATE: f64 = 48_000.0;
 /// Bandwidth of the force, Hz.
@@ -48,6 +48,17 @@ pub fn loudness(modes: &Modes) -> Result<f64, ModesError> {
     let mean = energies.iter().sum::<f64>() / energies.len().max(1) as f64;
     // A power density of 1 / BANDWIDTH for positive frequencies.
     Ok((mean / (2.0 * BANDWIDTH)).sqrt())
+}
+
+/// Scale of the gains of modes: 1 for [`Reference::Absolute`], else that which gives a white force of 1 N RMS a level of -40 dB.
+///
+/// # Errors
+/// As [`Modes::validate`].
+pub(in crate::modal) fn unit(modes: &Modes, reference: Reference) -> Result<f64, ModesError> {
+    Ok(match reference {
+        Reference::Absolute => 1.0,
+        Reference::Normalized => reference.unit(loudness(modes)? / REFERENCE),
+    })
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The modal bank, as a node.
 
-use super::loudness::{REFERENCE, loudness};
+use super::loudness::unit;
 use super::resonators::{Bank, BankOutput};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -80,8 +80,8 @@ pub struct ModalBankNode {
     bank: Bank,
     gain: Gain,
     params: ModalBankParams,
-    /// Loudness of the modes under a force of 1 N.
-    loudness: f64,
+    /// Scale of the gains of the modes.
+    unit: f64,
     rate: Rate,
     /// Samples of force per second: a force of 1 N for one sample is an impulse of 1 / rate.
     per_sample: f32,
@@ -97,8 +97,7 @@ fn reject(e: impl std::fmt::Display) -> Reject {
     Reject::new("F078", e.to_string()).at("modes")
 }
 
-fn factor(p: &ModalBankParams, loudness: f64) -> f64 {
-    let unit = p.reference.unit(loudness / REFERENCE);
+fn factor(p: &ModalBankParams, unit: f64) -> f64 {
     f64::from(p.gain) * db_to_linear(p.db.into()) * unit
 }
 
@@ -130,7 +129,7 @@ fn mismatches<'a>(
 impl ModalBankNode {
     fn set_floor(&mut self) {
         // The floor is a level of the output, but a small gain must not stop the modes earlier.
-        let gain = factor(&self.params, self.loudness).abs().max(1.0);
+        let gain = factor(&self.params, self.unit).abs().max(1.0);
         self.bank.set_floor(self.params.floor - linear_to_db(gain));
     }
 }
@@ -189,12 +188,11 @@ impl Node for ModalBankNode {
         let mut bank = Bank::culled(&modes, rate.as_f64(), p.output, p.cull).map_err(reject)?;
         let linked = damping.is_some();
         bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp_frames(rate));
-        let loudness =
-            if p.reference == Reference::Normalized { loudness(&modes).map_err(reject)? } else { 1.0 };
-        let gain = Gain::new(factor(p, loudness), ramp_frames(rate), 1);
+        let unit = unit(&modes, p.reference).map_err(reject)?;
+        let gain = Gain::new(factor(p, unit), ramp_frames(rate), 1);
         let per_sample = (1.0 / rate.as_f64()) as f32;
         let mut node =
-            Self { bank, gain, params: p.clone(), loudness, rate, per_sample, modes: modes.len(), linked };
+            Self { bank, gain, params: p.clone(), unit, rate, per_sample, modes: modes.len(), linked };
         node.set_floor();
         Ok(node)
     }
@@ -251,7 +249,7 @@ impl Node for ModalBankNode {
         }
         // Cloning the list would allocate.
         self.params = ModalBankParams { points: std::mem::take(&mut self.params.points), ..*new };
-        self.gain.set_target(factor(new, self.loudness));
+        self.gain.set_target(factor(new, self.unit));
         self.bank.glide(if self.linked { 1.0 } else { new.damping }, new.pitch);
         self.set_floor();
         Retune::Done

@@ -1,10 +1,9 @@
 //! Distances between a recording and its resynthesis.
 
+use super::bands::{Octave, Spectrum, decay_curve, third_octaves};
 use super::onset::onset;
-use realfft::RealFftPlanner;
+use crate::material::statistics::quantile;
 use rustfft::FftPlanner;
-use rustfft::num_complex::Complex;
-use std::f64::consts::PI;
 
 /// Level below that of the loudest third of an octave from which on bands do not count, dB.
 const RANGE: f64 = 40.0;
@@ -54,7 +53,7 @@ pub struct Comparison {
 
 fn median(mut x: Vec<f64>) -> Option<f64> {
     x.sort_by(f64::total_cmp);
-    (!x.is_empty()).then(|| 0.5 * (x[(x.len() - 1) / 2] + x[x.len() / 2]))
+    (!x.is_empty()).then(|| quantile(&x, 0.5))
 }
 
 impl Comparison {
@@ -98,105 +97,59 @@ pub fn compare(reference: &[f32], audio: &[f32], rate: f64) -> Comparison {
     };
     let late = ((0.005 * rate) as usize).min(length / 2);
     let first = ((FIRST * rate) as usize).min(length);
-    let [all, start] = [length, first].map(|n| {
-        let [a, b] = [&a[..n], &b[..n]].map(|x| third_octaves(x, rate));
-        let loudest = a.iter().map(|b| b.1).fold(f64::NEG_INFINITY, f64::max);
-        let near = |((centre, x), (_, y)): (&(f64, f64), &(f64, f64))| {
-            (*x > loudest - RANGE).then_some(BandLevel { centre: *centre, reference_db: *x, audio_db: *y })
-        };
-        a.iter().zip(&b).filter_map(near).collect::<Vec<_>>()
-    });
+    let [levels, start] = [length, first].map(|n| band_levels(&a[..n], &b[..n], rate));
     let square = |b: &BandLevel| (b.audio_db - b.reference_db).clamp(-RANGE, RANGE).powi(2);
     let spectral_distance_db = (start.iter().map(square).sum::<f64>() / start.len().max(1) as f64).sqrt();
-    let [x, y] = [&a, &b].map(|x| decay_times(x, rate));
-    let decays = x
-        .into_iter()
-        .zip(y)
-        .filter_map(|((centre, x), (_, y))| Some(BandDecay { centre, reference_s: x?, audio_s: y? }));
     Comparison {
         onset,
         difference_db: difference_db(0),
         late_difference_db: difference_db(late),
-        levels: all,
-        decays: decays.collect(),
+        levels,
+        decays: band_decays(&a, &b, rate),
         spectral_distance_db,
     }
 }
 
-fn spectrum(x: &[f64], length: usize) -> Vec<Complex<f64>> {
-    let plan = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let (mut time, mut bins) = (plan.make_input_vec(), plan.make_output_vec());
-    time[..x.len()].copy_from_slice(x);
-    if plan.process(&mut time, &mut bins).is_err() {
-        bins.fill(Complex::default());
-    }
-    bins
-}
-
-/// Centres and energies in dB of thirds of an octave from 25 Hz to 20 kHz.
-fn third_octaves(x: &[f64], rate: f64) -> Vec<(f64, f64)> {
-    let length = x.len().next_multiple_of(1 << 10).max(1 << 13);
-    let bins = spectrum(x, length);
-    let edge = 2.0_f64.powf(1.0 / 6.0);
-    let band = |k: i32| {
-        let centre = 1000.0 * 2.0_f64.powf(f64::from(k) / 3.0);
-        let bin = |f: f64| ((f * length as f64 / rate).round() as usize).min(bins.len());
-        let (low, high) = (bin(centre / edge), bin(centre * edge));
-        let energy: f64 = bins[low..high.max(low)].iter().map(|z| z.norm_sqr()).sum();
-        (high > low && centre * edge < 0.5 * rate)
-            .then(|| (centre, 10.0 * (2.0 * energy / length as f64).max(1e-30).log10()))
+/// Levels of thirds of an octave within 40 dB of the loudest of the reference.
+fn band_levels(reference: &[f64], audio: &[f64], rate: f64) -> Vec<BandLevel> {
+    let [reference, audio] = [reference, audio].map(|x| Spectrum::new(x, rate));
+    let db = |x: &Spectrum, low: f64, high: f64| 10.0 * x.energy(low, high).max(1e-30).log10();
+    let level = |[low, centre, high]: [f64; 3]| BandLevel {
+        centre,
+        reference_db: db(&reference, low, high),
+        audio_db: db(&audio, low, high),
     };
-    (-16..=13).filter_map(band).collect()
+    let mut levels: Vec<BandLevel> = third_octaves(rate).map(level).collect();
+    let loudest = levels.iter().map(|b| b.reference_db).fold(f64::NEG_INFINITY, f64::max);
+    levels.retain(|b| b.reference_db > loudest - RANGE);
+    levels
 }
 
-/// Three times T20 of the octaves from 125 Hz to 16 kHz, s; `None` where a decay by 25 dB does not stand above the noise.
-fn decay_times(x: &[f64], rate: f64) -> Vec<(f64, Option<f64>)> {
-    let length = (x.len() + rate as usize / 2).next_multiple_of(1 << 10);
-    let bins = spectrum(x, length);
+/// Decays of the octaves from 125 Hz to 16 kHz, where a decay by 25 dB stands above the noise in both sounds.
+fn band_decays(reference: &[f64], audio: &[f64], rate: f64) -> Vec<BandDecay> {
+    let [reference, audio] = [reference, audio].map(|x| Spectrum::new(x, rate));
     let mut planner = FftPlanner::new();
-    (-3..=4)
-        .map(|k| 1000.0 * 2.0_f64.powi(k))
-        .filter(|centre| centre * 2.0_f64.sqrt() < 0.5 * rate)
-        .map(|centre| (centre, decay_time(&bins, length, centre, x.len(), rate, &mut planner)))
-        .collect()
+    let centres = (-3..=4).map(|k| 1000.0 * 2.0_f64.powi(k)).filter(|f| f * 2.0_f64.sqrt() < 0.5 * rate);
+    let decay = |centre: f64| {
+        let [reference, audio] = [&reference, &audio].map(|x| decay_time(&x.octave(centre, &mut planner)));
+        Some(BandDecay { centre, reference_s: reference?, audio_s: audio? })
+    };
+    centres.filter_map(decay).collect()
 }
 
-fn decay_time(
-    bins: &[Complex<f64>],
-    length: usize,
-    centre: f64,
-    samples: usize,
-    rate: f64,
-    planner: &mut FftPlanner<f64>,
-) -> Option<f64> {
-    let bin = |f: f64| ((f * length as f64 / rate).round() as usize).min(bins.len());
-    let (low, high) = (bin(centre / 2.0), bin(centre * 2.0));
-    let count = (high - low).next_power_of_two().max(64);
-    let mut band = vec![Complex::default(); count];
-    for (k, z) in bins[low..high].iter().enumerate() {
-        let octaves = (((low + k) as f64 * rate / length as f64) / centre).max(1e-9).log2();
-        // Flat within half of the octave, with slopes of half a cosine.
-        let weight = (1.0 - (octaves.abs() - 0.5).max(0.0) / 0.5).clamp(0.0, 1.0);
-        band[k] = z * libm::sin(0.5 * PI * weight);
-    }
-    planner.plan_fft_inverse(count).process(&mut band);
-    let step = length as f64 / count as f64 / rate;
-    let points = ((samples as f64 / rate / step) as usize).clamp(1, count);
-    let energies: Vec<f64> = band[..points].iter().map(|z| z.norm_sqr()).collect();
+/// Three times T20, s; `None` where a decay by 25 dB does not stand above the noise.
+fn decay_time(octave: &Octave) -> Option<f64> {
+    let Octave { energies, step, .. } = octave;
     // The noise is that of the last tenth: it must lie 35 dB below the maximum of a smoothed envelope.
     let width = (0.01 / step).ceil() as usize;
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len().max(1) as f64;
     let max = energies.chunks(width.max(1)).map(mean).fold(0.0, f64::max);
-    let noise = mean(&energies[points - (points / 10).max(1).min(points)..]);
+    let noise = mean(&energies[energies.len() - energies.len().div_ceil(10)..]);
     if max <= 0.0 || noise > 10f64.powf(-3.5) * max {
         return None;
     }
-    let mut curve = energies;
-    for k in (0..curve.len().saturating_sub(1)).rev() {
-        curve[k] += curve[k + 1];
-    }
-    let total = curve[0];
-    let below = |db: f64| curve.iter().position(|e| *e <= total * 10f64.powf(0.1 * db));
+    let curve = decay_curve(energies, 0.0);
+    let below = |db: f64| curve.iter().position(|e| *e <= curve[0] * 10f64.powf(0.1 * db));
     let (from, to) = (below(DECAY[0])?, below(DECAY[1])?);
     (to > from).then(|| 3.0 * (to - from) as f64 * step)
 }

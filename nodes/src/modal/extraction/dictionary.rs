@@ -52,8 +52,12 @@ fn block(a: C, b: C, problem: &Problem) -> Block {
     Products::new(a, b, problem).block()
 }
 
-fn inverse([[a, b], [c, d]]: Block) -> Option<Block> {
-    let det = a * d - b * c;
+fn determinant([[a, b], [c, d]]: Block) -> f64 {
+    a * d - b * c
+}
+
+fn inverse(m: Block) -> Option<Block> {
+    let (det, [[a, b], [c, d]]) = (determinant(m), m);
     (det > 0.0 && det.is_finite()).then(|| [[d / det, -b / det], [-c / det, a / det]])
 }
 
@@ -103,7 +107,7 @@ impl Problem {
         max: usize,
     ) -> Vec<usize> {
         let mut schur: Vec<Block> = exponents.iter().map(|s| self.diagonal(*s)).collect();
-        let first_det: Vec<f64> = schur.iter().map(|m| m[0][0] * m[1][1] - m[0][1] * m[1][0]).collect();
+        let first_det: Vec<f64> = schur.iter().map(|m| determinant(*m)).collect();
         let mut right: Vec<[f64; 2]> = products.iter().map(|p| column_products(*p)).collect();
         // factors[k][j]: block of the Cholesky factor for step k and candidate j.
         let mut factors: Vec<Vec<Block>> = Vec::new();
@@ -111,7 +115,7 @@ impl Problem {
         let mut left: Vec<bool> = vec![true; exponents.len()];
         while chosen.len() < max {
             let gain = |j: usize| {
-                let det = schur[j][0][0] * schur[j][1][1] - schur[j][0][1] * schur[j][1][0];
+                let det = determinant(schur[j]);
                 let independent = left[j] && det > INDEPENDENT * INDEPENDENT * first_det[j];
                 let gain =
                     independent.then(|| inverse(schur[j])).flatten().map_or(0.0, |m| form(&m, right[j]));
@@ -273,10 +277,6 @@ mod tests {
         ]
     }
 
-    fn of(x: &[f64], s: &[C]) -> Vec<C> {
-        products(x, s).into_iter().map(|p| p[0]).collect()
-    }
-
     #[test]
     fn amplitudes_are_those_of_the_signal() {
         let s = exponents();
@@ -284,7 +284,7 @@ mod tests {
         let mut x = vec![0.0; 2000];
         add(&mut x, &s, &a);
         let problem = Problem { count: x.len(), after: 0, ridge: 0.0 };
-        let (found, explained) = problem.amplitudes(&s, &of(&x, &s)).unwrap();
+        let (found, explained) = problem.amplitudes(&s, &products(&x, &s)).unwrap();
         assert!(found.iter().zip(&a).all(|(x, y)| (x - y).norm() < 1e-9), "{found:?}");
         assert!((explained / energy(&x) - 1.0).abs() < 1e-12);
     }
@@ -295,14 +295,14 @@ mod tests {
         let mut x = vec![0.0; 2000];
         add(&mut x, &[s[1], s[3]], &[C::new(1.0, 0.0), C::new(0.0, 0.5)]);
         let problem = Problem { count: x.len(), after: 0, ridge: 0.0 };
-        let (products, thresholds) = (of(&x, &s), vec![1e-9 * energy(&x); 5]);
-        let mut forward = problem.forward(&s, &products, &thresholds, 5);
-        let mut backward = problem.backward(&s, &products, &thresholds, 5);
+        let (found, thresholds) = (products(&x, &s), vec![1e-9 * energy(&x); 5]);
+        let mut forward = problem.forward(&s, &found, &thresholds, 5);
+        let mut backward = problem.backward(&s, &found, &thresholds, 5);
         forward.sort_unstable();
         backward.sort_unstable();
         assert!(forward.len() <= 3 && forward.contains(&1) && forward.contains(&3), "{forward:?}");
         assert_eq!(backward, [1, 3]);
-        assert_eq!(problem.backward(&s, &products, &[0.0; 5], 1), [1]);
+        assert_eq!(problem.backward(&s, &found, &[0.0; 5], 1), [1]);
     }
 
     #[test]
@@ -312,14 +312,14 @@ mod tests {
             .map(|n| libm::sin(f64::from(n * n) * 1e-3) * libm::exp(-f64::from(n) / 300.0))
             .collect();
         let problem = Problem { count: x.len(), after: 0, ridge: 0.0 };
-        let (all, explained) = problem.amplitudes(&s, &of(&x, &s)).unwrap();
+        let (all, explained) = problem.amplitudes(&s, &products(&x, &s)).unwrap();
         assert_eq!(all.len(), 5);
         let four = |i: usize| {
             let rest: Vec<C> = s.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, s)| *s).collect();
-            explained - problem.amplitudes(&rest, &of(&x, &rest)).unwrap().1
+            explained - problem.amplitudes(&rest, &products(&x, &rest)).unwrap().1
         };
         let least = (0..5).min_by(|a, b| four(*a).total_cmp(&four(*b))).unwrap();
-        let left = problem.backward(&s, &of(&x, &s), &[0.0; 5], 4);
+        let left = problem.backward(&s, &products(&x, &s), &[0.0; 5], 4);
         assert!(!left.contains(&least) && left.len() == 4);
     }
 }

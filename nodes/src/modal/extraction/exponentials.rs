@@ -2,6 +2,7 @@
 //!
 //! An exponential is `exp(s n)`, `n = 0, 1, ...`, with `s = (-d + i omega) / rate`; its pole is `z = exp(s)`.
 
+use rayon::prelude::*;
 use rustfft::num_complex::Complex;
 
 /// A complex number.
@@ -45,35 +46,45 @@ pub(super) fn moments(s: C, count: usize) -> [C; 3] {
     sums
 }
 
-/// Products of a signal with exponentials: `sum over n of x[n] conj(exp(s n))`, and the same with `n x[n]`.
+/// Products of a signal with exponentials: `sum over n of x[n] conj(exp(s n))`.
 ///
 /// # Complexity
 /// O(samples exponentials).
-pub(super) fn products(x: &[f64], exponents: &[C]) -> Vec<[C; 2]> {
-    let mut out = Vec::with_capacity(exponents.len());
-    for group in exponents.chunks(LANES) {
-        let (mut c, mut s) = ([0.0; LANES], [0.0; LANES]);
-        for (k, exponent) in group.iter().enumerate() {
-            let z = exp(exponent.conj());
-            (c[k], s[k]) = (z.re, z.im);
-        }
-        // Horner's scheme from the last sample on, for the polynomial and for its derivative.
-        let (mut re, mut im, mut dre, mut dim) = ([0.0; LANES], [0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        for &x in x.iter().rev() {
-            for k in 0..LANES {
-                let (a, b, p, q) = (re[k], im[k], dre[k], dim[k]);
+pub(super) fn products(x: &[f64], exponents: &[C]) -> Vec<C> {
+    let of = |group: &[C]| horner::<false>(x, group).into_iter().map(|p| p[0]).collect::<Vec<C>>();
+    exponents.par_chunks(LANES).flat_map_iter(of).collect()
+}
+
+/// The [`products`], and those with `n x[n]`.
+///
+/// # Complexity
+/// O(samples exponentials).
+pub(super) fn moment_products(x: &[f64], exponents: &[C]) -> Vec<[C; 2]> {
+    exponents.par_chunks(LANES).flat_map_iter(|group| horner::<true>(x, group)).collect()
+}
+
+/// Products with one group of exponentials, by Horner's scheme from the last sample on, for the polynomial and for its derivative.
+fn horner<const MOMENTS: bool>(x: &[f64], group: &[C]) -> Vec<[C; 2]> {
+    let (mut c, mut s) = ([0.0; LANES], [0.0; LANES]);
+    for (k, exponent) in group.iter().enumerate() {
+        let z = exp(exponent.conj());
+        (c[k], s[k]) = (z.re, z.im);
+    }
+    let (mut re, mut im, mut dre, mut dim) = ([0.0; LANES], [0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    for &x in x.iter().rev() {
+        for k in 0..LANES {
+            let (a, b) = (re[k], im[k]);
+            if MOMENTS {
+                let (p, q) = (dre[k], dim[k]);
                 dre[k] = p * c[k] - q * s[k] + a;
                 dim[k] = p * s[k] + q * c[k] + b;
-                re[k] = a * c[k] - b * s[k] + x;
-                im[k] = a * s[k] + b * c[k];
             }
-        }
-        for k in 0..group.len() {
-            let z = C::new(c[k], s[k]);
-            out.push([C::new(re[k], im[k]), C::new(dre[k], dim[k]) * z]);
+            re[k] = a * c[k] - b * s[k] + x;
+            im[k] = a * s[k] + b * c[k];
         }
     }
-    out
+    let each = |k: usize| [C::new(re[k], im[k]), C::new(dre[k], dim[k]) * C::new(c[k], s[k])];
+    (0..group.len()).map(each).collect()
 }
 
 /// Adds `sum of Re(amplitude exp(s n))` to a signal.
@@ -136,7 +147,9 @@ mod tests {
             let sum: f64 = exponents.iter().zip(&amplitudes).map(|(s, a)| (a * exp(s * n as f64)).re).sum();
             assert!((x - 0.25 - sum).abs() < 1e-11);
         }
-        for (s, found) in exponents.iter().zip(products(&x, &exponents)) {
+        let first: Vec<C> = moment_products(&x, &exponents).iter().map(|p| p[0]).collect();
+        assert_eq!(products(&x, &exponents), first);
+        for (s, found) in exponents.iter().zip(moment_products(&x, &exponents)) {
             for (p, found) in found.iter().enumerate() {
                 let at = |n: usize| exp(s.conj() * n as f64) * x[n] * (n as f64).powi(p as i32);
                 let sum: C = (0..x.len()).map(at).sum();

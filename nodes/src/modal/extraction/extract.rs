@@ -1,12 +1,12 @@
 //! Modes from a recording of one impact.
 
 use super::dictionary::Problem;
-use super::exponentials::{C, add, energy};
+use super::exponentials::{C, add, energy, products};
 use super::feature::{Feature, MAX_DECAY};
 use super::noise_bands::noise_bands;
 use super::noise_floor::NoiseFloor;
 use super::onset::onset;
-use super::refinement::{Limits, Sines, all_products, refine, unit_deviations};
+use super::refinement::{Limits, Sines, refine, unit_deviations};
 use super::subband::candidates;
 use crate::modal::mode::modes::{MODES_VERSION, Modes};
 use crate::modal::residual::noise_band::NoiseBand;
@@ -29,7 +29,7 @@ pub struct ExtractParams {
 
 impl Default for ExtractParams {
     fn default() -> Self {
-        Self { modes: 64, lowest: 20.0, highest: 20_000.0, contact: true }
+        Self { modes: 64, lowest: 20.0, highest: 20_000.0, contact: false }
     }
 }
 
@@ -85,6 +85,8 @@ const SMALLEST: f64 = 1e-8;
 const MAX_AMPLITUDE: f64 = 4.0;
 /// Part of the energy that the penalty of a mode at [`MAX_AMPLITUDE`] amounts to, for each attempt.
 const PENALTIES: [f64; 4] = [1e-9, 1e-3, 1e-2, 1e-1];
+/// The same for the final amplitudes.
+const AMPLITUDE_PENALTIES: [f64; 2] = [1e-9, 1e-2];
 /// Relative standard deviation of the decay rate from which on a mode is uncertain.
 const UNCERTAINTY: f64 = 0.3;
 /// Distances from a mode at which the noise around it is measured, in half-power half-widths.
@@ -159,21 +161,21 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
         return Err(ExtractError::Silent);
     }
     let onset = onset(samples, rate);
-    let all: Vec<f64> = samples.iter().map(|x| f64::from(*x)).collect();
-    let sound = &all[onset..];
+    let sound: Vec<f64> = samples[onset..].iter().map(|x| f64::from(*x)).collect();
+    let sound = sound.as_slice();
     if sound.len() < MIN_SAMPLES {
         return Err(ExtractError::Short { found: sound.len() });
     }
-    let noise = NoiseFloor::new(&all, onset, rate);
+    let noise = NoiseFloor::new(samples, onset, rate);
     let band = [params.lowest, params.highest.min(0.45 * rate)];
     let short = &sound[..searched(sound, rate)];
     let slowest = (LEAST_DECAY * rate / sound.len() as f64).max(DECAYS[0]);
     let limits = Limits { band, decays: [slowest, DECAYS[1]] };
-    let sines = search(short, rate, &limits, params.modes, &noise);
+    let exponents = search(short, rate, &limits, params.modes, &noise);
+    let sines = with_amplitudes(sound, rate, exponents);
     if sines.exponents.is_empty() {
         return Err(ExtractError::Nothing);
     }
-    let sines = with_final_amplitudes(sound, rate, sines);
     let mut residual = without(sound, &sines);
     let mut features = features(short.len(), rate, &sines, &residual, &noise);
     if !params.contact {
@@ -181,8 +183,7 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
         let certain = features.iter().zip(&sines.exponents).filter(|(f, _)| f.is_certain(UNCERTAINTY));
         let (certain, exponents): (Vec<Feature>, Vec<C>) = certain.map(|(f, s)| (*f, *s)).unzip();
         // The amplitudes that explain the most without the parts of the contact.
-        let start = Sines { exponents: exponents.clone(), amplitudes: Vec::new() };
-        let sines = with_final_amplitudes(sound, rate, start);
+        let sines = with_amplitudes(sound, rate, exponents.clone());
         let of = |s: &C| exponents.iter().position(|e| e == s).map(|k| certain[k]);
         features = sines.exponents.iter().filter_map(of).collect();
         if features.is_empty() {
@@ -232,73 +233,57 @@ fn largest_amplitude(x: &[f64]) -> f64 {
     MAX_AMPLITUDE * x.iter().fold(0.0_f64, |m, x| m.max(x.abs()))
 }
 
-/// Selects and refines modes.
-fn search(x: &[f64], rate: f64, limits: &Limits, modes: usize, noise: &NoiseFloor) -> Sines {
-    let mut exponents = candidates(x, rate, limits);
+/// Exponents of the modes, selected and refined.
+fn search(x: &[f64], rate: f64, limits: &Limits, modes: usize, noise: &NoiseFloor) -> Vec<C> {
+    let posed = problem(x, PENALTIES[0]);
     let total = energy(x);
     // BIC: four parameters a mode.
     let information = 4.0 * (x.len() as f64).ln();
-    let threshold = |s: &C| (information * noise.variance(s.im * rate / TAU)).max(SMALLEST * total);
-    let products: Vec<C> = all_products(x, &exponents).into_iter().map(|p| p[0]).collect();
-    let posed = problem(x, PENALTIES[0]);
-    let thresholds: Vec<f64> = exponents.iter().map(threshold).collect();
+    let thresholds = |exponents: &[C]| -> Vec<f64> {
+        let least = |s: &C| (information * noise.variance(s.im * rate / TAU)).max(SMALLEST * total);
+        exponents.iter().map(least).collect()
+    };
+    let pick = |from: &[C], chosen: Vec<usize>| chosen.into_iter().map(|i| from[i]).collect::<Vec<C>>();
+    let without_surplus = |exponents: Vec<C>| {
+        let left = posed.backward(&exponents, &products(x, &exponents), &thresholds(&exponents), modes);
+        pick(&exponents, left)
+    };
+    let all = candidates(x, rate, limits);
     let surplus = ((modes as f64 * SURPLUS) as usize).max(modes + 4);
-    let chosen = posed.forward(&exponents, &products, &thresholds, surplus);
-    let pick = |from: &[C], chosen: &[usize]| chosen.iter().map(|i| from[*i]).collect::<Vec<C>>();
-    exponents = pick(&exponents, &chosen);
-    let products = pick(&products, &chosen);
-    let thresholds: Vec<f64> = exponents.iter().map(threshold).collect();
-    let left = posed.backward(&exponents, &products, &thresholds, modes);
-    exponents = pick(&exponents, &left);
+    let chosen = posed.forward(&all, &products(x, &all), &thresholds(&all), surplus);
+    let mut exponents = without_surplus(pick(&all, chosen));
     let limit = largest_amplitude(x);
     for part in PENALTIES {
-        if exponents.is_empty() {
-            break;
-        }
-        let posed = problem(x, part);
-        let Some(found) = refine(x, &posed, rate, limits, &exponents) else { break };
-        exponents.clone_from(&found.exponents);
+        let Some(found) = refine(x, &problem(x, part), rate, limits, &exponents) else { break };
+        exponents = found.exponents;
         if found.amplitudes.iter().all(|a| a.norm() <= limit) {
             break;
         }
     }
-    // Those that the refinement made superfluous, one at a time.
-    let posed = problem(x, PENALTIES[0]);
-    let products: Vec<C> = all_products(x, &exponents).into_iter().map(|p| p[0]).collect();
-    let thresholds: Vec<f64> = exponents.iter().map(threshold).collect();
-    let left = posed.backward(&exponents, &products, &thresholds, modes);
-    Sines { exponents: pick(&exponents, &left), amplitudes: Vec::new() }
+    // The refinement may have made some superfluous.
+    without_surplus(exponents)
 }
 
 /// Fits amplitudes to the whole sound, and removes modes until none is above the limit.
-fn with_final_amplitudes(sound: &[f64], rate: f64, sines: Sines) -> Sines {
+fn with_amplitudes(sound: &[f64], rate: f64, mut exponents: Vec<C>) -> Sines {
     let x = &sound[..sound.len().min((LONGEST_AMPLITUDES * rate) as usize)];
     let limit = largest_amplitude(x);
-    let mut exponents = sines.exponents;
-    let mut products: Vec<C> = all_products(x, &exponents).into_iter().map(|p| p[0]).collect();
-    loop {
-        let mut found = None;
-        for part in [PENALTIES[0], PENALTIES[2]] {
-            let posed = problem(x, part);
-            found = posed.amplitudes(&exponents, &products).map(|f| f.0);
-            if found.as_ref().is_some_and(|a| a.iter().all(|a| a.norm() <= limit)) {
-                break;
-            }
+    let mut found = products(x, &exponents);
+    while !exponents.is_empty() {
+        let fits: Vec<Vec<C>> = AMPLITUDE_PENALTIES
+            .iter()
+            .filter_map(|part| problem(x, *part).amplitudes(&exponents, &found).map(|fit| fit.0))
+            .collect();
+        if let Some(amplitudes) = fits.iter().find(|fit| fit.iter().all(|a| a.norm() <= limit)) {
+            return Sines { exponents, amplitudes: amplitudes.clone() };
         }
-        let sizes: Vec<f64> = match &found {
-            Some(amplitudes) => amplitudes.iter().map(|a| a.norm()).collect(),
-            // Linearly dependent: the last one goes.
-            None => (0..exponents.len()).map(|k| limit + 1.0 + k as f64).collect(),
-        };
-        let largest = (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]));
-        match (largest, found) {
-            (Some(largest), _) if sizes[largest] > limit => {
-                exponents.remove(largest);
-                products.remove(largest);
-            }
-            (_, amplitudes) => return Sines { exponents, amplitudes: amplitudes.unwrap_or_default() },
-        }
+        // The largest amplitude goes, or the last mode if they are linearly dependent.
+        let size = |k: &usize| fits.last().map_or(*k as f64, |fit| fit[*k].norm());
+        let largest = (0..exponents.len()).max_by(|a, b| size(a).total_cmp(&size(b))).unwrap_or(0);
+        exponents.remove(largest);
+        found.remove(largest);
     }
+    Sines::default()
 }
 
 /// The modes with their standard deviations and relative residuals.
@@ -311,13 +296,13 @@ fn features(count: usize, rate: f64, sines: &Sines, residual: &[f64], noise: &No
         NEIGHBOURS.map(|k| C::new(s.re, (s.im + k * width).abs()))
     };
     let neighbours: Vec<C> = sines.exponents.iter().flat_map(around).collect();
-    let products = all_products(short, &neighbours);
+    let products = products(short, &neighbours);
     let deviations = unit_deviations(sines, &problem);
     let each = sines.exponents.iter().zip(&sines.amplitudes).zip(products.chunks_exact(NEIGHBOURS.len()));
     each.enumerate()
         .map(|(k, ((s, a), products))| {
             let decays = -libm::expm1(2.0 * s.re * count as f64) / -libm::expm1(2.0 * s.re);
-            let mean = products.iter().map(|p| p[0].norm_sqr()).sum::<f64>() / products.len() as f64;
+            let mean = products.iter().map(|p| p.norm_sqr()).sum::<f64>() / products.len() as f64;
             let frequency = s.im * rate / TAU;
             let variance = (mean / decays).max(noise.variance(frequency));
             let own = 0.5 * a.norm_sqr() * decays;

@@ -34,12 +34,13 @@ const MIN_QUALITY_FACTOR: f64 = 5.0;
 
 impl Feature {
     /// Returns true if the feature is a mode of the object rather than a part of the contact: it decays by at most 500 1/s, has a
-    /// quality factor `pi f / d` of at least 5, and a decay rate with a relative standard deviation of less than `uncertainty`.
+    /// quality factor `pi f / d` of at least 5, and a decay rate with a known relative standard deviation of less than `uncertainty`.
     #[must_use]
     pub fn is_certain(&self, uncertainty: f64) -> bool {
         let quality_factor = PI * self.freq_hz / self.decay;
         self.decay <= MAX_DECAY
             && quality_factor >= MIN_QUALITY_FACTOR
+            && self.sd_decay > 0.0
             && self.sd_decay < uncertainty * self.decay
     }
 }

@@ -1,6 +1,6 @@
 //! Impacts at the onsets of a recording, as a node.
 
-use super::onset::{impacts, onset};
+use super::onset::{impacts, loudest_impact, onset};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
@@ -66,18 +66,17 @@ fn found(samples: &[f32], rate: f64, which: Onsets) -> Vec<(usize, f32)> {
     if samples.iter().all(|x| *x == 0.0) {
         return Vec::new();
     }
-    let loudest = onset(samples, rate);
-    let parts = impacts(samples, rate);
-    let counted = parts.iter().enumerate().filter(|(k, part)| match which {
-        Onsets::All => true,
-        Onsets::First => *k == 0,
-        Onsets::Loudest => part.start <= loudest && parts.get(k + 1).is_none_or(|next| next.start > loudest),
-    });
-    let each = |(_, part): (usize, &std::ops::Range<usize>)| {
+    let mut parts = impacts(samples, rate);
+    match which {
+        Onsets::All => {}
+        Onsets::First => parts.truncate(1),
+        Onsets::Loudest => parts = vec![loudest_impact(samples, rate)],
+    }
+    let each = |part: std::ops::Range<usize>| {
         let sound = &samples[part.clone()];
         (part.start + onset(sound, rate), sound.iter().fold(0.0_f32, |m, x| m.max(x.abs())))
     };
-    counted.map(each).collect()
+    parts.into_iter().map(each).collect()
 }
 
 impl ImpactsFromRecording {
@@ -112,13 +111,8 @@ impl Node for ImpactsFromRecording {
     }
 
     fn build(p: &ImpactsFromRecordingParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        let path = &p.recording.0;
-        let mut reader = RECORDING.open(path, cx.open("recording", path)?)?;
-        let samples = reader.read_mono().map_err(|e| RECORDING.unusable(path, e))?;
-        if let Some(index) = samples.iter().position(|x| !x.is_finite()) {
-            return Err(RECORDING.unusable(path, format!("sample {index} is not finite")).into());
-        }
-        Ok(Self { impacts: Self::read(p, &samples, Rate::hz(reader.info().rate)) })
+        let (samples, info) = RECORDING.read_mono(cx, &p.recording.0)?;
+        Ok(Self { impacts: Self::read(p, &samples, Rate::hz(info.rate)) })
     }
 
     fn run(&mut self, mut io: ImpactsFromRecordingIo<'_>) -> Result<(), Fault> {

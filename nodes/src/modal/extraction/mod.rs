@@ -2,6 +2,7 @@
 //!
 //! Candidates come from ESPRIT in bands (`subband`), are selected by what they explain (`dictionary`), and refined jointly (`refinement`).
 
+mod bands;
 pub mod comparison;
 mod dictionary;
 mod exponentials;

@@ -3,7 +3,7 @@
 use super::extract::{ExtractParams, Extracted, extract};
 use super::feature::{FeatureSet, FeatureSets};
 use super::onset::impacts;
-use super::report::{ExtractionReport, RINGING, RecordingReport, spectrogram};
+use super::report::{ExtractionReport, PICTURE, RINGING, RecordingReport, spectrogram};
 use super::surrogate::surrogate;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -13,6 +13,7 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
+use crate::plot::Image;
 use crate::{choices, params, ports};
 
 choices! {
@@ -120,11 +121,7 @@ impl Func for ModalFeatures {
         if p.recordings.is_empty() {
             return Err(Reject::new("F077", "there is no recording").at("recordings"));
         }
-        for path in &p.recordings {
-            let reader = RECORDINGS.open(&path.0, s.open("recordings", &path.0)?)?;
-            s.hold("recordings", &path.0, reader.info().bytes())?;
-            reader.info().warning_texts(&path.0).for_each(|text| s.note(text));
-        }
+        RECORDINGS.check(s, &p.recordings);
         Ok(())
     }
 
@@ -132,12 +129,8 @@ impl Func for ModalFeatures {
         let params = ExtractParams { modes: p.count, lowest: p.lowest, highest: p.highest, contact: true };
         let (mut sets, mut reports, mut summary) = (Vec::new(), Vec::new(), Summary::new());
         for path in p.recordings.iter().map(|path| &path.0) {
-            let mut reader = RECORDINGS.open(path, cx.open("recordings", path)?)?;
-            let samples = reader.read_mono().map_err(|e| RECORDINGS.unusable(path, e))?;
-            if let Some(index) = samples.iter().position(|x| !x.is_finite()) {
-                return Err(RECORDINGS.unusable(path, format!("sample {index} is not finite")).into());
-            }
-            let rate = f64::from(reader.info().rate);
+            let (samples, info) = RECORDINGS.read_mono(cx, path)?;
+            let rate = f64::from(info.rate);
             let mut parts = impacts(&samples, rate);
             if parts.len() > 1 && p.split == Split::None {
                 let times: Vec<String> =
@@ -149,9 +142,6 @@ impl Func for ModalFeatures {
             if p.split == Split::First {
                 parts.truncate(1);
             }
-            if parts.is_empty() {
-                parts.push(0..samples.len());
-            }
             let several = parts.len() > 1;
             for (k, part) in parts.into_iter().enumerate() {
                 let name = if several { format!("{path} #{}", k + 1) } else { path.clone() };
@@ -162,7 +152,7 @@ impl Func for ModalFeatures {
                     let noise = surrogate(after, sets.len() as u64);
                     extract(&noise, rate, &params).map_or(0.0, |found| found.residual_db)
                 });
-                let (picture, seconds) =
+                let (pixels, seconds) =
                     spectrogram(&after.iter().map(|x| f64::from(*x)).collect::<Vec<_>>(), rate);
                 let certain: Vec<_> =
                     found.features.iter().filter(|f| f.is_certain(UNCERTAINTY)).copied().collect();
@@ -177,14 +167,14 @@ impl Func for ModalFeatures {
                     ringing: surrogate_db.map(|db| found.residual_db <= db - RINGING),
                     warnings: warnings(sound, &found),
                     features: certain.clone(),
-                    picture,
+                    picture: Image::grey(PICTURE, &pixels).unwrap_or_default(),
                     seconds,
                 });
                 let object =
                     if p.object.0.is_empty() { p.recordings[0].0.clone() } else { p.object.0.clone() };
                 sets.push(FeatureSet { recording: name, object, features: certain });
             }
-            summary.extend(recording_warnings(path, reader.info(), &samples));
+            summary.extend(recording_warnings(path, &info, &samples));
         }
         let worst = reports.iter().map(|r| r.unexplained_db).fold(f64::NEG_INFINITY, f64::max);
         summary.push(("recordings", reports.len().into()));

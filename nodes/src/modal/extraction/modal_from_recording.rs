@@ -1,7 +1,7 @@
 //! Modes from a recording, as a value node.
 
 use super::extract::{ExtractParams, extract};
-use super::onset::{impacts, onset};
+use super::onset::{impacts, loudest_impact};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -94,14 +94,11 @@ impl Func for ModalFromRecording {
         mut io: ModalFromRecordingIo<'_>,
     ) -> Result<Summary, Fault> {
         let path = &p.recording.0;
-        let mut reader = RECORDING.open(path, cx.open("recording", path)?)?;
-        let samples = reader.read_mono().map_err(|e| RECORDING.unusable(path, e))?;
-        let rate = f64::from(reader.info().rate);
+        let (samples, info) = RECORDING.read_mono(cx, path)?;
+        let rate = f64::from(info.rate);
         let params =
             ExtractParams { modes: p.count, lowest: p.lowest, highest: p.highest, contact: p.contact };
-        let impacts = impacts(&samples, rate);
-        let loudest = onset(&samples, rate);
-        let part = impacts.iter().rfind(|part| part.start <= loudest).cloned().unwrap_or(0..samples.len());
+        let (count, part) = (impacts(&samples, rate).len(), loudest_impact(&samples, rate));
         let found =
             extract(&samples[part.clone()], rate, &params).map_err(|e| RECORDING.unusable(path, e))?;
         let modes = found.modes(path, p.impulse, p.phases);
@@ -109,10 +106,10 @@ impl Func for ModalFromRecording {
         summary.push(("onset_s", ((part.start + found.onset) as f64 / rate).into()));
         summary.push(("unexplained_db", found.residual_db.into()));
         summary.push(("unexplained_after_5_ms_db", found.late_residual_db.into()));
-        if impacts.len() > 1 {
-            let (n, length) = (impacts.len(), part.len() as f64 / rate);
+        if count > 1 {
+            let length = part.len() as f64 / rate;
             let text = format!(
-                "{n} impacts were found; the modes are those of the loudest, over {length:.3} s up to the next one"
+                "{count} impacts were found; the modes are those of the loudest, over {length:.3} s up to the next one"
             );
             summary.push(("warning", text.into()));
         }
@@ -123,7 +120,7 @@ impl Func for ModalFromRecording {
             );
             summary.push(("warning", text.into()));
         }
-        summary.extend(recording_warnings(path, reader.info(), &samples));
+        summary.extend(recording_warnings(path, &info, &samples));
         io.modes.set(modes);
         Ok(summary)
     }

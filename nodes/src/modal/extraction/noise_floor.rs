@@ -1,7 +1,7 @@
 //! The noise of a recording, from its part without the impact.
 
-use realfft::RealFftPlanner;
-use std::f64::consts::TAU;
+use crate::friction::builder::psd::{AnalysisWindow, welch};
+use std::f64::consts::LN_2;
 
 /// Samples of a frame, at 44.1 kHz.
 const FRAME: f64 = 1024.0;
@@ -26,16 +26,15 @@ impl NoiseFloor {
     /// The noise before the onset or at the end of the recording: the lower one where both are long enough.
     ///
     /// At each frequency it is the median over an octave, which single modes that still ring do not change.
-    pub(super) fn new(samples: &[f64], onset: usize, rate: f64) -> Self {
+    pub(super) fn new(samples: &[f32], onset: usize, rate: f64) -> Self {
         let shortest = (SHORTEST * rate) as usize;
         // The last millisecond before the onset may hold its beginning.
         let before = &samples[..onset.saturating_sub((0.001 * rate) as usize)];
         let length = ((samples.len() - onset) as f64 * END) as usize;
         let end = &samples[samples.len() - length..];
         let parts = [before, end].into_iter().filter(|part| part.len() >= shortest);
-        let densities: Vec<Vec<f64>> = parts.map(|part| density(part, rate)).collect();
-        let variances = densities
-            .into_iter()
+        let variances = parts
+            .filter_map(|part| variances(part, rate))
             .reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.min(*b)).collect())
             .unwrap_or_default();
         Self { variances, rate }
@@ -49,36 +48,22 @@ impl NoiseFloor {
     }
 }
 
-/// Welch's estimate with Hann windows, as the variance of white noise, and its running median.
-fn density(part: &[f64], rate: f64) -> Vec<f64> {
-    let frame = ((FRAME * rate / 44_100.0) as usize).next_power_of_two().min(part.len());
-    let frame = frame - frame % 2;
-    let window: Vec<f64> = (0..frame).map(|k| 0.5 - 0.5 * libm::cos(TAU * k as f64 / frame as f64)).collect();
-    let power: f64 = window.iter().map(|w| w * w).sum();
-    let plan = RealFftPlanner::<f64>::new().plan_fft_forward(frame);
-    let (mut time, mut spectrum) = (plan.make_input_vec(), plan.make_output_vec());
-    let mut sum = vec![0.0; frame / 2 + 1];
-    let mut frames = 0;
-    for first in (0..=part.len() - frame).step_by((frame / 2).max(1)) {
-        for (t, (x, w)) in time.iter_mut().zip(part[first..].iter().zip(&window)) {
-            *t = x * w;
-        }
-        if plan.process(&mut time, &mut spectrum).is_ok() {
-            sum.iter_mut().zip(&spectrum).for_each(|(sum, z)| *sum += z.norm_sqr() / power);
-            frames += 1;
-        }
-    }
+/// The running median of the power density, as the variance of white noise.
+fn variances(part: &[f32], rate: f64) -> Option<Vec<f64>> {
+    let frame = ((FRAME * rate / 44_100.0) as usize).next_power_of_two().min(part.len() & !1);
+    let density = welch(part, rate, frame, frame / 2, AnalysisWindow::Hann)?;
+    // The median of few spectra is that of an exponential distribution, ln 2 of its mean.
+    let few = if part.len() < 2 * frame + frame / 2 { LN_2 } else { 1.0 };
     let half_width = 2.0_f64.powf(0.5 * WIDTH);
     let median = |bin: usize| {
         let (low, high) = ((bin as f64 / half_width) as usize, (bin as f64 * half_width) as usize + 1);
-        let mut band =
-            sum[low.min(bin.saturating_sub(BINS))..(high.max(bin + BINS) + 1).min(sum.len())].to_vec();
+        let mut band = density
+            [low.min(bin.saturating_sub(BINS))..(high.max(bin + BINS) + 1).min(density.len())]
+            .to_vec();
         let middle = band.len() / 2;
-        // The median of an exponential distribution is ln 2 of its mean.
-        let few = if frames < 4 { std::f64::consts::LN_2 } else { 1.0 };
-        *band.select_nth_unstable_by(middle, f64::total_cmp).1 / (f64::from(frames.max(1)) * few)
+        *band.select_nth_unstable_by(middle, f64::total_cmp).1 * 0.5 * rate / few
     };
-    (0..sum.len()).map(median).collect()
+    Some((0..density.len()).map(median).collect())
 }
 
 #[cfg(test)]
@@ -91,9 +76,9 @@ mod tests {
         let mut rng = Rng::new(5);
         let variance = 1e-4_f64;
         let noise = |rng: &mut Rng| (12.0 * variance).sqrt() * (rng.uniform() - 0.5);
-        let mut samples: Vec<f64> = (0..60_000).map(|_| noise(&mut rng)).collect();
+        let mut samples: Vec<f32> = (0..60_000).map(|_| noise(&mut rng) as f32).collect();
         for (n, x) in samples[10_000..].iter_mut().enumerate() {
-            *x += libm::exp(-5e-5 * n as f64) * libm::sin(0.1 * n as f64);
+            *x += (libm::exp(-5e-5 * n as f64) * libm::sin(0.1 * n as f64)) as f32;
         }
         for (what, found) in [
             ("before", NoiseFloor::new(&samples, 10_000, 44_100.0)),

@@ -115,6 +115,13 @@ pub fn impacts(samples: &[f32], rate: f64) -> Vec<Range<usize>> {
     starts.zip(ends).take(onsets.len()).map(|(a, b)| a..b.max(a)).collect()
 }
 
+/// The range of [`impacts`] that holds the loudest one; the whole recording if there is none.
+#[must_use]
+pub fn loudest_impact(samples: &[f32], rate: f64) -> Range<usize> {
+    let loudest = onset(samples, rate);
+    impacts(samples, rate).into_iter().rfind(|part| part.start <= loudest).unwrap_or(0..samples.len())
+}
+
 /// Levels of the bands in dB, per frame.
 fn band_levels(samples: &[f32], rate: f64, frame: usize, hop: usize) -> Vec<[f64; 7]> {
     let plan = RealFftPlanner::<f32>::new().plan_fft_forward(frame);
@@ -165,6 +172,7 @@ mod tests {
         assert_eq!(found.len(), 2, "{found:?}");
         assert!(found[0].abs_diff(4410) < 20 && found[1].abs_diff(22_050) < 60, "{found:?}");
         let parts = impacts(&samples, 44_100.0);
+        assert_eq!(loudest_impact(&samples, 44_100.0), parts[1]);
         assert_eq!((parts.len(), parts[0].start, parts[1].end), (2, 0, 66_150));
         assert!(
             parts[0].end == parts[1].start && parts[0].end < 22_050 && parts[0].end > 21_900,

@@ -1,10 +1,9 @@
 //! Joint refinement of modes by Levenberg and Marquardt's method.
 
 use super::dictionary::{Problem, Products};
-use super::exponentials::{C, products};
+use super::exponentials::{C, moment_products};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
-use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Maximum number of steps.
@@ -40,35 +39,29 @@ struct State {
     explained: f64,
 }
 
-/// Inner products of the recording, with the exponentials split over threads.
-pub(super) fn all_products(x: &[f64], exponents: &[C]) -> Vec<[C; 2]> {
-    exponents.par_chunks(8).flat_map_iter(|group| products(x, group)).collect()
-}
-
 fn state(x: &[f64], problem: &Problem, exponents: Vec<C>) -> Option<State> {
-    let products = all_products(x, &exponents);
+    let products = moment_products(x, &exponents);
     let first: Vec<C> = products.iter().map(|p| p[0]).collect();
     let (amplitudes, explained) = problem.amplitudes(&exponents, &first)?;
     Some(State { sines: Sines { exponents, amplitudes }, products, explained })
 }
 
-/// The normal matrix of the model in (ln d, omega, Re a, Im a) of each mode, and the gradient.
-fn normal_equations(state: &State, problem: &Problem) -> (Mat<f64>, Vec<f64>) {
-    let s = &state.sines;
-    let m = s.exponents.len();
-    let one = C::new(1.0, 0.0);
+/// Columns of the model for mode k: `n Re(u exp(s n))` for ln d and omega, `Re(u exp(s n))` for Re a and Im a, as powers of n and u.
+fn columns(sines: &Sines, k: usize) -> [(usize, C); 4] {
+    let (a, d) = (sines.amplitudes[k], -sines.exponents[k].re);
     let i = C::new(0.0, 1.0);
-    // Columns of mode k: n Re(u exp(s n)) for the first two, Re(u exp(s n)) for the others.
-    let columns = |k: usize| {
-        let (a, d) = (s.amplitudes[k], -s.exponents[k].re);
-        [(1, -d * a), (1, i * a), (0, one), (0, i)]
-    };
+    [(1, -d * a), (1, i * a), (0, C::new(1.0, 0.0)), (0, i)]
+}
+
+/// Products of the columns of the model with each other, four for each mode.
+fn normal_matrix(sines: &Sines, problem: &Problem) -> Mat<f64> {
+    let m = sines.exponents.len();
     let mut matrix = Mat::<f64>::zeros(4 * m, 4 * m);
     for k in 0..m {
         for l in 0..=k {
-            let products = Products::new(s.exponents[k], s.exponents[l], problem);
-            for (r, (p, u)) in columns(k).into_iter().enumerate() {
-                for (c, (q, v)) in columns(l).into_iter().enumerate() {
+            let products = Products::new(sines.exponents[k], sines.exponents[l], problem);
+            for (r, (p, u)) in columns(sines, k).into_iter().enumerate() {
+                for (c, (q, v)) in columns(sines, l).into_iter().enumerate() {
                     let x = products.of(p + q, u, v);
                     matrix[(4 * k + r, 4 * l + c)] = x;
                     matrix[(4 * l + c, 4 * k + r)] = x;
@@ -76,27 +69,29 @@ fn normal_equations(state: &State, problem: &Problem) -> (Mat<f64>, Vec<f64>) {
             }
         }
     }
-    let gradient = (0..4 * m)
-        .map(|row| {
-            let (k, r) = (row / 4, row % 4);
-            let (power, u) = columns(k)[r];
-            let with_recording = (u * state.products[k][power].conj()).re;
-            let model = |l: usize| {
-                let a = s.amplitudes[l];
-                matrix[(row, 4 * l + 2)] * a.re + matrix[(row, 4 * l + 3)] * a.im
-            };
-            let penalty = match r {
-                2 => problem.ridge * s.amplitudes[k].re,
-                3 => problem.ridge * s.amplitudes[k].im,
-                _ => 0.0,
-            };
-            with_recording - (0..m).map(model).sum::<f64>() - penalty
-        })
-        .collect();
+    matrix
+}
+
+/// The normal matrix with the penalty, and the gradient: products of the columns with the residual.
+fn normal_equations(state: &State, problem: &Problem) -> (Mat<f64>, Vec<f64>) {
+    let sines = &state.sines;
+    let m = sines.exponents.len();
+    let mut matrix = normal_matrix(sines, problem);
     for k in 0..m {
         matrix[(4 * k + 2, 4 * k + 2)] += problem.ridge;
         matrix[(4 * k + 3, 4 * k + 3)] += problem.ridge;
     }
+    let entry = |row: usize| {
+        let (power, u) = columns(sines, row / 4)[row % 4];
+        let recording = (u * state.products[row / 4][power].conj()).re;
+        // The penalty of the amplitudes is part of the matrix.
+        let model = |l: usize| {
+            let a = sines.amplitudes[l];
+            matrix[(row, 4 * l + 2)] * a.re + matrix[(row, 4 * l + 3)] * a.im
+        };
+        recording - (0..m).map(model).sum::<f64>()
+    };
+    let gradient = (0..4 * m).map(entry).collect();
     (matrix, gradient)
 }
 
@@ -165,10 +160,8 @@ pub(super) fn refine(
 
 /// Standard deviations of frequency and decay rate, in 1/sample, per unit standard deviation of white noise.
 pub(super) fn unit_deviations(sines: &Sines, problem: &Problem) -> Option<Vec<[f64; 2]>> {
-    let zero = [C::new(0.0, 0.0); 2];
     let m = sines.exponents.len();
-    let state = State { sines: sines.clone(), products: vec![zero; m], explained: 0.0 };
-    let (matrix, _) = normal_equations(&state, problem);
+    let matrix = normal_matrix(sines, problem);
     let n = 4 * m;
     // Modes that can hardly be told apart make the matrix singular; their deviations are large, whatever is added to its diagonal.
     let (inverse, scale) = [0.0, 1e-12, 1e-10, 1e-8].into_iter().find_map(|damping| {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::{LN_10, TAU};
 
 /// Size of the picture of a spectrogram, pixels, and its range in dB.
-const PICTURE: [usize; 2] = [260, 180];
+pub(super) const PICTURE: [usize; 2] = [260, 180];
 const RANGE: f64 = 70.0;
 /// Range of frequencies of the picture, Hz.
 const FREQUENCIES: [f64; 2] = [40.0, 20_000.0];
@@ -41,8 +41,8 @@ pub struct RecordingReport {
     pub warnings: Vec<String>,
     /// The modes.
     pub features: Vec<Feature>,
-    /// Grey pixels of the spectrogram, `[180, 260]`.
-    pub picture: Vec<u8>,
+    /// The spectrogram.
+    pub picture: Image,
     /// Duration of the picture, s.
     pub seconds: f64,
 }
@@ -57,7 +57,6 @@ pub struct ExtractionReport {
 impl RecordingReport {
     /// The spectrogram with the modes drawn in: each from the onset to its decay by 20 dB.
     fn plot(&self) -> String {
-        let image = Image { width: PICTURE[0], pixels: self.picture.clone() };
         let time = Axis { label: "Time after the onset (s)".into(), range: [0.0, self.seconds], log: false };
         let frequency = Axis { label: "Frequency (Hz)".into(), range: FREQUENCIES, log: true };
         let line = |f: &Feature| {
@@ -67,7 +66,7 @@ impl RecordingReport {
         let lines: Vec<Line> = self.features.iter().map(line).collect();
         let surrogate = self.surrogate_db.map_or(String::new(), |db| format!(" (surrogate {db:.1} dB)"));
         let title = format!("{}: {:.1} dB unexplained{surrogate}", self.recording, self.unexplained_db);
-        chart_over(Some(&image), &title, &time, &frequency, &lines)
+        chart_over(Some(&self.picture), &title, &time, &frequency, &lines)
     }
 }
 
@@ -77,7 +76,8 @@ impl Data for ExtractionReport {
 
     fn trial(rng: &mut Rng) -> Self {
         let samples: Vec<f64> = (0..3000).map(|_| rng.between(-1.0, 1.0)).collect();
-        let (picture, seconds) = spectrogram(&samples, 8000.0);
+        let (pixels, seconds) = spectrogram(&samples, 8000.0);
+        let picture = Image::grey(PICTURE, &pixels).unwrap_or_default();
         let report = RecordingReport { recording: "trial".into(), picture, seconds, ..Default::default() };
         Self { recordings: vec![report] }
     }
@@ -141,8 +141,9 @@ mod tests {
                 libm::exp(-9.0 * t) * libm::sin(TAU * 1000.0 * t)
             })
             .collect();
-        let (picture, seconds) = spectrogram(&sound, 44_100.0);
-        let darkest = picture.iter().enumerate().min_by_key(|(_, x)| **x).unwrap().0 / PICTURE[0];
+        let (pixels, seconds) = spectrogram(&sound, 44_100.0);
+        let picture = Image::grey(PICTURE, &pixels).unwrap();
+        let darkest = pixels.iter().enumerate().min_by_key(|(_, x)| **x).unwrap().0 / PICTURE[0];
         let expected = (1.0 - (1000.0_f64 / 40.0).ln() / 500.0_f64.ln()) * 180.0;
         assert!((darkest as f64 - expected).abs() < 4.0, "{darkest} {expected}");
         let feature = Feature { freq_hz: 1000.0, decay: 9.0, amp: 1.0, ..Feature::default() };

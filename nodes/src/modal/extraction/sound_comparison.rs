@@ -3,7 +3,6 @@
 use super::comparison::{Comparison, compare};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::{MemoryFiles, WriteSeek};
-use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Summary, same_rate};
 use crate::core::params::OutPath;
 use crate::core::ports::Stream;
@@ -50,7 +49,6 @@ const LONGEST: f64 = 600.0;
 pub struct SoundComparison {
     rate: Rate,
     sounds: [Vec<f32>; 2],
-    left_out: u64,
     table: Option<(String, Box<dyn WriteSeek>)>,
     figure: Option<(String, Box<dyn WriteSeek>)>,
 }
@@ -126,7 +124,6 @@ impl Node for SoundComparison {
             let length = crate::core::time::seconds(end);
             s.note(format!("of {length:.0} s the first {LONGEST} s are compared"));
         }
-        let Channels(_) = reference.format;
         Ok(())
     }
 
@@ -137,7 +134,6 @@ impl Node for SoundComparison {
         Ok(Self {
             rate: cx.input(SoundComparisonPorts::reference).rate,
             sounds: [Vec::new(), Vec::new()],
-            left_out: 0,
             table: open("table", &p.table)?,
             figure: open("figure", &p.figure)?,
         })
@@ -150,8 +146,6 @@ impl Node for SoundComparison {
             for frame in input.items().chunks_exact(width) {
                 if sound.len() < longest {
                     sound.push(frame.iter().sum::<f32>() / width as f32);
-                } else {
-                    self.left_out += 1;
                 }
             }
         }
@@ -189,7 +183,7 @@ impl Node for SoundComparison {
         Ok(summary)
     }
 
-    archive_state!(sounds, left_out);
+    archive_state!(sounds);
 
     fn trial(_: &mut Rng) -> (SoundComparisonParams, MemoryFiles) {
         (SoundComparisonParams { table: None, figure: None }, MemoryFiles::default())

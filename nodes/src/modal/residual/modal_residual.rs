@@ -11,7 +11,7 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::dsp::{Gain, Reference, db_to_linear, ramp_frames};
-use crate::modal::bank::loudness::{REFERENCE, loudness};
+use crate::modal::bank::loudness::unit;
 use crate::modal::mode::modes::Modes;
 use crate::{archive_state, params, ports};
 
@@ -60,8 +60,8 @@ pub struct ModalResidual {
     bank: NoiseBank,
     gain: Gain,
     params: ModalResidualParams,
-    /// Loudness of the modes under a force of 1 N.
-    loudness: f64,
+    /// Scale of the gains of the modes.
+    unit: f64,
     /// Samples of force per second: a force of 1 N for one sample is an impulse of 1 / rate.
     per_sample: f32,
 }
@@ -73,8 +73,8 @@ fn reject(e: impl std::fmt::Display) -> Reject {
     Reject::new("F078", e.to_string()).at("modes")
 }
 
-fn factor(p: &ModalResidualParams, loudness: f64) -> f64 {
-    f64::from(p.gain) * db_to_linear(p.db.into()) * p.reference.unit(loudness / REFERENCE)
+fn factor(p: &ModalResidualParams, unit: f64) -> f64 {
+    f64::from(p.gain) * db_to_linear(p.db.into()) * unit
 }
 
 impl Node for ModalResidual {
@@ -108,11 +108,10 @@ impl Node for ModalResidual {
         modes.validate().map_err(reject)?;
         let rate: Rate = cx.output(ModalResidualPorts::audio).rate;
         let bank = NoiseBank::new(&modes.noise, rate.as_f64(), cx.random);
-        let loudness =
-            if p.reference == Reference::Normalized { loudness(&modes).map_err(reject)? } else { 1.0 };
-        let gain = Gain::new(factor(p, loudness), ramp_frames(rate), 1);
+        let unit = unit(&modes, p.reference).map_err(reject)?;
+        let gain = Gain::new(factor(p, unit), ramp_frames(rate), 1);
         let per_sample = (1.0 / rate.as_f64()) as f32;
-        Ok(Self { bank, gain, params: p.clone(), loudness, per_sample })
+        Ok(Self { bank, gain, params: p.clone(), unit, per_sample })
     }
 
     fn run(&mut self, mut io: ModalResidualIo<'_>) -> Result<(), Fault> {
@@ -144,7 +143,7 @@ impl Node for ModalResidual {
             return Retune::Rebuild;
         }
         self.params = new.clone();
-        self.gain.set_target(factor(new, self.loudness));
+        self.gain.set_target(factor(new, self.unit));
         Retune::Done
     }
 

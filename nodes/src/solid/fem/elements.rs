@@ -1,6 +1,6 @@
 //! Stiffness and mass of one tetrahedron with straight edges.
 
-use super::super::mesh::tet_mesh::{cross, dot, minus};
+use crate::contact::vector::{cross, dot, sub};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -87,7 +87,7 @@ impl Element {
     /// The element of four corners in an order that gives a positive volume.
     #[must_use]
     pub fn new(p: &[[f64; 3]; 4]) -> Self {
-        let (e1, e2, e3) = (minus(p[1], p[0]), minus(p[2], p[0]), minus(p[3], p[0]));
+        let (e1, e2, e3) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
         let six_volumes = dot(e1, cross(e2, e3));
         let over = |v: [f64; 3]| v.map(|x| x / six_volumes);
         let (b, c, d) = (over(cross(e2, e3)), over(cross(e3, e1)), over(cross(e1, e2)));

@@ -1,6 +1,6 @@
 //! Closed surfaces of triangles, from OBJ and STL.
 
-use super::tet_mesh::{cross, dot, minus};
+use crate::contact::vector::{cross, dot, norm, sub};
 use crate::mesh::{MeshLimits, ObjMesh, ReadOptions};
 use std::collections::HashMap;
 use thiserror::Error;
@@ -157,8 +157,8 @@ impl ClosedSurface {
         let mut found: Vec<(f64, f64)> = Vec::new();
         for triangle in self.triangles.iter().step_by(step) {
             let [a, b, c] = self.corners(triangle);
-            let normal = cross(minus(b, a), minus(c, a));
-            let area = dot(normal, normal).sqrt();
+            let normal = cross(sub(b, a), sub(c, a));
+            let area = norm(normal);
             if area <= 0.0 {
                 continue;
             }
@@ -185,13 +185,13 @@ impl ClosedSurface {
 /// # Source
 /// Moller and Trumbore, "Fast, minimum storage ray-triangle intersection" (J. Graphics Tools 2, 1997).
 fn hit(from: [f64; 3], direction: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> Option<f64> {
-    let (e1, e2) = (minus(b, a), minus(c, a));
+    let (e1, e2) = (sub(b, a), sub(c, a));
     let p = cross(direction, e2);
     let determinant = dot(e1, p);
     if determinant == 0.0 {
         return None;
     }
-    let t = minus(from, a);
+    let t = sub(from, a);
     let u = dot(t, p) / determinant;
     let q = cross(t, e1);
     let v = dot(direction, q) / determinant;

@@ -1,6 +1,7 @@
 //! Quality of the elements of a mesh, and the parts that it consists of.
 
-use super::tet_mesh::{TetMesh, TetMeshError, cross, dot, faces, minus, signed_volume};
+use super::tet_mesh::{TetMesh, TetMeshError, faces, signed_volume};
+use crate::contact::vector::{cross, dot, norm, sub};
 use crate::mesh::DisjointSets;
 use std::collections::HashMap;
 
@@ -56,22 +57,21 @@ pub(super) fn worst(mesh: &TetMesh) -> Worst {
 pub fn shape(p: &[[f64; 3]; 4]) -> (f64, f64) {
     let normals = faces(&[0, 1, 2, 3]).map(|f| {
         let [a, b, c] = f.map(|i| p[i as usize]);
-        cross(minus(b, a), minus(c, a))
+        cross(sub(b, a), sub(c, a))
     });
-    let length = |v: [f64; 3]| dot(v, v).sqrt();
     let mut angle = f64::INFINITY;
     for i in 0..4 {
         for j in 0..i {
             // Outward normals enclose pi minus the dihedral angle.
-            let cosine = -dot(normals[i], normals[j]) / (length(normals[i]) * length(normals[j]));
+            let cosine = -dot(normals[i], normals[j]) / (norm(normals[i]) * norm(normals[j]));
             angle = angle.min(libm::acos(cosine.clamp(-1.0, 1.0)));
         }
     }
     let volume = signed_volume(p);
-    let area: f64 = normals.iter().map(|n| 0.5 * length(*n)).sum();
+    let area: f64 = normals.iter().map(|n| 0.5 * norm(*n)).sum();
     let inscribed = 3.0 * volume / area;
     // Products of the lengths of opposite edges are the sides of a triangle of area 6 V R.
-    let edge = |i: usize, j: usize| length(minus(p[i], p[j]));
+    let edge = |i: usize, j: usize| norm(sub(p[i], p[j]));
     let (a, b, c) = (edge(0, 1) * edge(2, 3), edge(0, 2) * edge(1, 3), edge(0, 3) * edge(1, 2));
     let heron = ((a + b + c) * (a + b - c) * (a - b + c) * (b + c - a)).max(0.0).sqrt() / 4.0;
     let circumscribed = heron / (6.0 * volume);

@@ -1,6 +1,7 @@
 //! A mesh of tetrahedra.
 
 use super::quality::{self, Quality};
+use crate::contact::vector::{cross, dot, sub};
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
@@ -270,21 +271,9 @@ pub(in crate::solid) fn faces([a, b, c, d]: &[u32; 4]) -> [[u32; 3]; 4] {
     [[a, c, b], [a, b, d], [b, c, d], [a, d, c]]
 }
 
-pub(in crate::solid) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-pub(in crate::solid) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(in crate::solid) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// Signed volume of a tetrahedron.
 pub(in crate::solid) fn signed_volume(p: &[[f64; 3]; 4]) -> f64 {
-    dot(minus(p[1], p[0]), cross(minus(p[2], p[0]), minus(p[3], p[0]))) / 6.0
+    dot(sub(p[1], p[0]), cross(sub(p[2], p[0]), sub(p[3], p[0]))) / 6.0
 }
 
 impl Data for TetMesh {

@@ -1,7 +1,8 @@
 //! Contact points on the surface of an object.
 
-use super::super::mesh::tet_mesh::{cross, dot, minus};
-use super::modal_model::{ModalModel, length};
+use super::modal_model::ModalModel;
+use crate::contact::triangle::closest_point;
+use crate::contact::vector::{cross, norm, sub};
 use thiserror::Error;
 
 /// A point on the surface: a triangle, and the weights of its corners.
@@ -98,7 +99,7 @@ pub fn contacts(
     }
     for (index, contact) in all.iter_mut().enumerate() {
         let direction = directions.get(index).copied().unwrap_or_else(|| contact.inwards(model));
-        let long = length(direction);
+        let long = norm(direction);
         if long <= 0.0 || !long.is_finite() {
             return Err(ContactError::Direction { index });
         }
@@ -114,7 +115,7 @@ impl Contact {
         let outwards = if self.vertices[0] == self.vertices[1] {
             model.normals[self.vertices[0] as usize]
         } else {
-            cross(minus(b, a), minus(c, a))
+            cross(sub(b, a), sub(c, a))
         };
         outwards.map(|x| -x)
     }
@@ -136,53 +137,13 @@ impl Contact {
 
 /// The nearest point of the surface, its distance and position.
 fn project(model: &ModalModel, point: [f64; 3]) -> (Contact, f64, [f64; 3]) {
-    let mut best =
-        (Contact { vertices: [0; 3], weights: [1.0, 0.0, 0.0], direction: [0.0; 3] }, f64::INFINITY, point);
-    for vertices in &model.triangles {
-        let corners = vertices.map(|i| model.vertices[i as usize]);
-        let weights = nearest(corners, point);
-        let at: [f64; 3] = std::array::from_fn(|k| (0..3).map(|i| weights[i] * corners[i][k]).sum());
-        let distance = length(minus(at, point));
-        if distance < best.1 {
-            best = (Contact { vertices: *vertices, weights, direction: [0.0; 3] }, distance, at);
-        }
-    }
-    best
-}
-
-/// Barycentric coordinates of the point of a triangle that is nearest to `p`.
-///
-/// # Source
-/// Ericson, "Real-Time Collision Detection" (2005), section 5.1.5.
-fn nearest([a, b, c]: [[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
-    let (ab, ac) = (minus(b, a), minus(c, a));
-    let (ap, bp, cp) = (minus(p, a), minus(p, b), minus(p, c));
-    let (d1, d2, d3, d4, d5, d6) =
-        (dot(ab, ap), dot(ac, ap), dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    if d3 >= 0.0 && d4 <= d3 {
-        return [0.0, 1.0, 0.0];
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        let v = d1 / (d1 - d3);
-        return [1.0 - v, v, 0.0];
-    }
-    if d6 >= 0.0 && d5 <= d6 {
-        return [0.0, 0.0, 1.0];
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        let w = d2 / (d2 - d6);
-        return [1.0 - w, 0.0, w];
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return [0.0, 1.0 - w, w];
-    }
-    let sum = va + vb + vc;
-    [va / sum, vb / sum, vc / sum]
+    let closest = |t: &[u32; 3]| closest_point(point, t.map(|i| model.vertices[i as usize]));
+    let all = model.triangles.iter().map(|t| (t, closest(t)));
+    let nearest = all.min_by(|a, b| a.1.squared_distance.total_cmp(&b.1.squared_distance));
+    let Some((vertices, found)) = nearest else {
+        let nowhere = Contact { vertices: [0; 3], weights: [1.0, 0.0, 0.0], direction: [0.0; 3] };
+        return (nowhere, f64::INFINITY, point);
+    };
+    let contact = Contact { vertices: *vertices, weights: found.barycentric, direction: [0.0; 3] };
+    (contact, found.squared_distance.sqrt(), found.point)
 }

@@ -83,18 +83,11 @@ pub fn just_noticeable(frequency: f64) -> f64 {
 pub fn cull(voices: Vec<Voice>, culling: &Culling) -> (Vec<Voice>, DropCounts) {
     let mut counts = DropCounts::default();
     let mut rest = voices;
-    let mut keep = |count: &mut usize, good: &dyn Fn(&Voice) -> bool| {
-        let before = rest.len();
-        rest.retain(|voice| good(voice));
-        *count = before - rest.len();
-    };
-    keep(&mut counts.overdamped, &|v| v.c < 1.999 * v.lambda.sqrt());
-    keep(&mut counts.band, &|v| (culling.lowest..=culling.highest).contains(&v.frequency()));
+    counts.overdamped = dropped(&mut rest, |v| v.c < 1.999 * v.lambda.sqrt());
+    counts.band = dropped(&mut rest, |v| (culling.lowest..=culling.highest).contains(&v.frequency()));
     let loudest = rest.iter().fold(0.0_f64, |m, v| m.max(v.reach));
     let floor = loudest * libm::exp10(culling.floor / 20.0);
-    let before = rest.len();
-    rest.retain(|v| v.reach >= floor);
-    counts.faint = before - rest.len();
+    counts.faint = dropped(&mut rest, |v| v.reach >= floor);
     rest.sort_by(|a, b| a.lambda.total_cmp(&b.lambda));
     if culling.jnd_scale > 0.0 {
         let before = rest.len();
@@ -110,6 +103,13 @@ pub fn cull(voices: Vec<Voice>, culling: &Culling) -> (Vec<Voice>, DropCounts) {
         rest = order.into_iter().map(|k| rest[k].clone()).collect();
     }
     (rest, counts)
+}
+
+/// Leaves out what is not audible, and returns how many.
+fn dropped(voices: &mut Vec<Voice>, audible: impl Fn(&Voice) -> bool) -> usize {
+    let before = voices.len();
+    voices.retain(audible);
+    before - voices.len()
 }
 
 /// Merges neighbours, from the lowest frequency up: gains add up, `lambda` and `c` are means weighted by energy.

@@ -3,8 +3,9 @@
 use super::super::fem::assembly::Discretisation;
 use super::super::fem::eigen::{EigenError, Request, eigenmodes};
 use super::super::fem::elements::{Isotropic, Order};
-use super::super::mesh::tet_mesh::{TetMesh, dot, minus, signed_volume};
+use super::super::mesh::tet_mesh::{TetMesh, signed_volume};
 use super::surface::{Flow, Surface};
+use crate::contact::vector::sub;
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
@@ -286,7 +287,7 @@ fn moments(mesh: &TetMesh, density: f64) -> ([f64; 3], [f64; 6]) {
     // The integral of x_a x_b is V / 20 times (sum of x_a) (sum of x_b) + sum of x_a x_b over the corners.
     let mut second = [[0.0; 3]; 3];
     for tet in &mesh.tets {
-        let p = mesh.corners(tet).map(|q| minus(q, centre));
+        let p = mesh.corners(tet).map(|q| sub(q, centre));
         let m = density * signed_volume(&mesh.corners(tet)) / 20.0;
         let sum: [f64; 3] = std::array::from_fn(|k| p.iter().map(|q| q[k]).sum());
         for (a, row) in second.iter_mut().enumerate() {
@@ -347,9 +348,4 @@ impl Data for ModalModel {
     fn file(&self) -> Option<Vec<u8>> {
         self.to_bytes().ok()
     }
-}
-
-/// Length of a vector.
-pub(super) fn length(v: [f64; 3]) -> f64 {
-    dot(v, v).sqrt()
 }

@@ -2,7 +2,8 @@
 
 use super::super::fem::assembly::Discretisation;
 use super::super::fem::elements::Order;
-use super::super::mesh::tet_mesh::{TetMesh, TetMeshError, cross, dot, minus};
+use super::super::mesh::tet_mesh::{TetMesh, TetMeshError};
+use crate::contact::vector::{cross, norm, sub};
 use faer::Mat;
 use rayon::prelude::*;
 
@@ -55,13 +56,13 @@ impl Surface {
         let mut normals = vec![[0.0; 3]; vertices.len()];
         for triangle in &triangles {
             let [a, b, c] = triangle.map(|i| vertices[i as usize]);
-            let area = cross(minus(b, a), minus(c, a));
+            let area = cross(sub(b, a), sub(c, a));
             for i in triangle {
                 (0..3).for_each(|k| normals[*i as usize][k] += area[k]);
             }
         }
         for normal in &mut normals {
-            let length = dot(*normal, *normal).sqrt();
+            let length = norm(*normal);
             // Both sides of a fold can cancel.
             *normal = if length > 0.0 { normal.map(|x| x / length) } else { [0.0, 0.0, 1.0] };
         }
@@ -73,8 +74,8 @@ impl Surface {
     pub fn area(&self) -> f64 {
         let areas = self.triangles.iter().map(|t| {
             let [a, b, c] = t.map(|i| self.vertices[i as usize]);
-            let normal = cross(minus(b, a), minus(c, a));
-            0.5 * dot(normal, normal).sqrt()
+            let normal = cross(sub(b, a), sub(c, a));
+            0.5 * norm(normal)
         });
         areas.sum()
     }
@@ -97,8 +98,8 @@ impl Surface {
         for triangle in &self.triangles {
             let [a, b, c] = triangle.map(|i| self.vertices[i as usize]);
             // Twice the area along the normal.
-            let normal = cross(minus(b, a), minus(c, a));
-            let length = dot(normal, normal).sqrt();
+            let normal = cross(sub(b, a), sub(c, a));
+            let length = norm(normal);
             let area = 0.5 * length;
             let corners = triangle.map(|i| self.nodes[i as usize]);
             let through = |node: u32| {

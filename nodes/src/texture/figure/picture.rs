@@ -63,7 +63,8 @@ pub(in crate::texture) fn encode_png(map: &Grid, bytes: &[u8]) -> Option<Vec<u8>
 pub(crate) fn image_element(map: &Grid, [low, high]: [f32; 2], frame: [f64; 4]) -> Option<String> {
     let scale = if high == low { 0.0 } else { 255.0 / (high - low) };
     let grey = |x: &f32| ((x - low) * scale).round().clamp(0.0, 255.0) as u8;
-    Image { width: map.width, pixels: map.samples.iter().map(grey).collect() }.element(frame)
+    let pixels: Vec<u8> = map.samples.iter().map(grey).collect();
+    Some(Image::grey([map.width, map.height], &pixels)?.element(frame))
 }
 
 #[cfg(test)]

@@ -136,7 +136,8 @@ fn amplitudes_are_bounded() {
     let mut rng = Rng::new(9);
     let samples: Vec<f32> =
         (0..8000).map(|n| (rng.between(-1.0, 1.0) * libm::exp(-f64::from(n) / 60.0)) as f32).collect();
-    let found = extract(&samples, 44_100.0, &ExtractParams::default()).unwrap();
+    let params = ExtractParams { contact: true, ..ExtractParams::default() };
+    let found = extract(&samples, 44_100.0, &params).unwrap();
     let peak = samples.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
     assert!(found.features.iter().all(|f| f.amp <= 4.0 * f64::from(peak) + 1e-9));
 }
