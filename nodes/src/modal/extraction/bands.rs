@@ -62,8 +62,9 @@ impl Spectrum {
         2.0 * sum / self.length as f64
     }
 
-    /// The octave around a frequency; the filter is flat within half of it and falls by half a cosine over half an octave on each side.
-    pub(super) fn octave(&self, centre: f64, planner: &mut FftPlanner<f64>) -> Octave {
+    /// The octaves around a frequency; the filter is 1 within `flat` octaves on each side, below 1, and falls by a quarter of a cosine to 0
+    /// at a distance of one octave.
+    pub(super) fn octave(&self, centre: f64, flat: f64, planner: &mut FftPlanner<f64>) -> Octave {
         let range = self.range(centre / 2.0, centre * 2.0);
         let first = range.start;
         let bins = &self.bins[range];
@@ -73,7 +74,7 @@ impl Spectrum {
         let mut width = 0.0;
         for (k, z) in bins.iter().enumerate() {
             let octaves = ((first + k) as f64 * bin_width / centre).max(1e-9).log2();
-            let part = (1.0 - 2.0 * (octaves.abs() - 0.5).max(0.0)).clamp(0.0, 1.0);
+            let part = (1.0 - (octaves.abs() - flat).max(0.0) / (1.0 - flat)).clamp(0.0, 1.0);
             let weight = libm::sin(0.5 * PI * part);
             width += weight * weight * bin_width;
             band[k] = z * weight;
@@ -110,7 +111,7 @@ mod tests {
         let spectrum = Spectrum::new(&x, 44_100.0);
         let total: f64 = x.iter().map(|x| x * x).sum();
         assert!((spectrum.energy(0.0, 22_050.0) / total - 1.0).abs() < 1e-3);
-        let octave = spectrum.octave(2000.0, &mut FftPlanner::new());
+        let octave = spectrum.octave(2000.0, 0.5, &mut FftPlanner::new());
         // The density is even: the power is in proportion to the width.
         let mean = octave.energies.iter().sum::<f64>() / octave.energies.len() as f64;
         let expected = octave.width / 22_050.0 / 3.0;

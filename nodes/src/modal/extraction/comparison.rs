@@ -9,6 +9,8 @@ use rustfft::FftPlanner;
 const RANGE: f64 = 40.0;
 /// Levels of the energy decay curve between which a decay is measured, dB: T20.
 const DECAY: [f64; 2] = [-5.0, -25.0];
+/// Part of an octave on each side of its centre that is measured in full.
+const FLAT: f64 = 0.5;
 /// Time over which the spectral distance is measured, s.
 const FIRST: f64 = 0.3;
 
@@ -131,7 +133,8 @@ fn band_decays(reference: &[f64], audio: &[f64], rate: f64) -> Vec<BandDecay> {
     let mut planner = FftPlanner::new();
     let centres = (-3..=4).map(|k| 1000.0 * 2.0_f64.powi(k)).filter(|f| f * 2.0_f64.sqrt() < 0.5 * rate);
     let decay = |centre: f64| {
-        let [reference, audio] = [&reference, &audio].map(|x| decay_time(&x.octave(centre, &mut planner)));
+        let [reference, audio] =
+            [&reference, &audio].map(|x| decay_time(&x.octave(centre, FLAT, &mut planner)));
         Some(BandDecay { centre, reference_s: reference?, audio_s: audio? })
     };
     centres.filter_map(decay).collect()

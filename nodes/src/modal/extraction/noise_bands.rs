@@ -13,7 +13,7 @@ const DECAYS: [f64; 2] = [0.5, 5000.0];
 /// Points of a decay curve that are compared, and decay rates that are tried.
 const POINTS: usize = 60;
 const STEPS: i32 = 100;
-/// Energy relative to the whole down to which curves are compared, and above which there is something to complete: -30 dB.
+/// Energy relative to the whole down to which curves are compared, and the least that noise adds to them: -30 dB.
 const RANGE: f64 = 1e-3;
 /// Points on each side of the mean of energies.
 const SMOOTH: usize = 4;
@@ -21,14 +21,13 @@ const SMOOTH: usize = 4;
 /// Bands of noise that complete the modes: at each third of an octave the energy by which the recording exceeds its modes. `gain` is full
 /// scale.
 ///
-/// A band decays such that the octave around it decays as in the recording, or, where the modes have all of its energy, as in the
-/// residual. The energy of the noise before the impact or at the end of the recording is not part of it.
+/// A band decays such that the octaves around it decay as in the recording. The energy of the noise before the impact or at the end of the recording is not part of it.
 ///
 /// # Complexity
 /// O(samples log samples).
 pub(super) fn noise_bands(sound: &[f64], residual: &[f64], rate: f64, noise: &NoiseFloor) -> Vec<NoiseBand> {
     let modes: Vec<f64> = sound.iter().zip(residual).map(|(x, r)| x - r).collect();
-    let [recorded, explained, left] = [sound, &modes, residual].map(|x| Spectrum::new(x, rate));
+    let [recorded, explained] = [sound, &modes].map(|x| Spectrum::new(x, rate));
     let total = energy(sound);
     let mut planner = FftPlanner::new();
     let band = |[low, centre, high]: [f64; 3]| {
@@ -39,13 +38,9 @@ pub(super) fn noise_bands(sound: &[f64], residual: &[f64], rate: f64, noise: &No
         if energy <= SMALLEST * total {
             return None;
         }
-        let [recorded, explained, left] =
-            [&recorded, &explained, &left].map(|x| x.octave(centre, &mut planner));
-        let (step, power) = (recorded.step, density * recorded.width);
-        let silence = vec![0.0; left.energies.len()];
-        let damping = completing_decay(&recorded.energies, &explained.energies, step, power)
-            .or_else(|| completing_decay(&left.energies, &silence, step, power))
-            .unwrap_or(DECAYS[1]);
+        let [recorded, explained] = [&recorded, &explained].map(|x| x.octave(centre, 0.0, &mut planner));
+        let power = density * recorded.width;
+        let damping = completing_decay(&recorded.energies, &explained.energies, recorded.step, power);
         // The energy of `gain exp(-d t) cos` is `gain^2 rate / (4 d)`.
         let gain = (4.0 * damping * energy / rate).sqrt() as f32;
         Some(NoiseBand { low, high, damping, gain })
@@ -53,15 +48,12 @@ pub(super) fn noise_bands(sound: &[f64], residual: &[f64], rate: f64, noise: &No
     third_octaves(rate).filter_map(band).collect()
 }
 
-/// Decay rate of noise with which the energy decay curve of modes and noise is nearest to that of the recording, from 0 to -30 dB; `None`
-/// where the modes have all of the energy.
-fn completing_decay(recorded: &[f64], explained: &[f64], step: f64, noise: f64) -> Option<f64> {
+/// Decay rate of noise with which the energy decay curve of modes and noise is nearest to that of the recording, from 0 to -30 dB.
+fn completing_decay(recorded: &[f64], explained: &[f64], step: f64, noise: f64) -> f64 {
     let end = sound_end(recorded, noise);
     let (recorded, explained) = (decay_curve(&recorded[..end], noise), decay_curve(&explained[..end], 0.0));
-    let missing = recorded[0] - explained[0];
-    if missing <= RANGE * recorded[0] {
-        return None;
-    }
+    // Where the modes have all of the energy, the little that is added must not outlast them.
+    let missing = (recorded[0] - explained[0]).max(RANGE * recorded[0]);
     let last = recorded.iter().position(|e| *e < RANGE * recorded[0]).unwrap_or(end).max(1);
     let stride = (last / POINTS).max(1);
     let distance = |d: f64| -> f64 {
@@ -73,7 +65,7 @@ fn completing_decay(recorded: &[f64], explained: &[f64], step: f64, noise: f64) 
     };
     let ratio = (DECAYS[1] / DECAYS[0]).powf(1.0 / STEPS as f64);
     let rates = (0..=STEPS).map(|k| DECAYS[0] * ratio.powi(k));
-    rates.map(|d| (distance(d), d)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|best| best.1)
+    rates.map(|d| (distance(d), d)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(DECAYS[1], |best| best.1)
 }
 
 /// Index after the energies that stand above a power of noise.
