@@ -46,6 +46,11 @@ use crate::modal::impact::impact_force::ImpactForce;
 use crate::modal::mode::membrane_modes::MembraneModes;
 use crate::modal::mode::modes_file::ModesFile;
 use crate::modal::residual::modal_residual::ModalResidual;
+use crate::modal::surface::contact_damping::ContactDamping;
+use crate::modal::surface::impact_projector::ImpactProjector;
+use crate::modal::surface::material_blend::MaterialBlend;
+use crate::modal::surface::mode_decay_times::ModeDecayTimes;
+use crate::modal::surface::support_contacts::SupportContacts;
 use crate::rigid::classification::contact_classifier::ContactClassifier;
 use crate::rigid::log::contact_log::ContactLog;
 use crate::scrape::crossing::feature_crossings::FeatureCrossings;
@@ -60,6 +65,7 @@ use crate::scrape::path::contact_path::ContactPath;
 use crate::scrape::path::other_surface::OtherSurface;
 use crate::scrape::path::stroke::Stroke;
 use crate::scrape::relief::two_textures::TwoTextures;
+use crate::solid::mesh::revolved_mesh::RevolvedMesh;
 use crate::solid::mesh::surface_to_tets::SurfaceToTets;
 use crate::solid::mesh::tet_mesh_file::TetMeshFile;
 use crate::solid::model::modal_analysis::ModalAnalysis;
@@ -295,6 +301,11 @@ impl Registry {
             .with_func::<ModalFromRecording>()
             .with::<ModalResidual>()
             .with_func::<ModesFile>()
+            .with::<ImpactProjector>()
+            .with::<ContactDamping>()
+            .with::<SupportContacts>()
+            .with::<MaterialBlend>()
+            .with::<ModeDecayTimes>()
             .family("material")
             .with_func::<DampingFit>()
             .with_func::<DampingPointsFile>()
@@ -305,6 +316,7 @@ impl Registry {
             .with_func::<ModalAnalysis>()
             .with_func::<ModalModelFile>()
             .with_func::<ModelModes>()
+            .with_func::<RevolvedMesh>()
             .with_func::<SurfaceToTets>()
             .with_func::<TetMeshFile>()
             .family("tension")

@@ -227,6 +227,15 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         }
     }
 
+    /// The value at an input that may be left open, if it is linked and known before the run.
+    #[must_use]
+    pub fn optional_value<T: Data>(&self, port: Port<Option<Value<T>>>) -> Option<Arc<T>> {
+        match self.link(port.index(), 0) {
+            Some(LinkShape::Value(Some(value))) => value.shared(),
+            _ => None,
+        }
+    }
+
     /// Declares how many items (ticks for events) before and after each window the node reads.
     pub fn lookaround<K: HasLookaround>(&mut self, port: Port<K>, behind: usize, ahead: usize) {
         let lookaround = &mut self.raw.shape.lookaround[port.index()];
@@ -370,6 +379,16 @@ impl Build<'_> {
     #[must_use]
     pub fn many<T: Item>(&self, port: Port<Many<Stream<T>>>) -> Vec<Incoming<T>> {
         self.links[port.index()].iter().filter_map(Incoming::of).collect()
+    }
+
+    /// The values at an input that takes many, in the order of the links.
+    #[must_use]
+    pub fn many_values<T: Data>(&self, port: Port<Many<Value<T>>>) -> Vec<Arc<T>> {
+        let value = |link: &LinkShape| match link {
+            LinkShape::Value(Some(value)) => value.shared(),
+            _ => None,
+        };
+        self.links[port.index()].iter().filter_map(value).collect()
     }
 
     /// The value at an input.

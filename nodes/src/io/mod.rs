@@ -9,6 +9,7 @@ mod info;
 mod packets;
 mod reader;
 mod recordings;
+pub(crate) mod text_output;
 mod wav;
 mod wav_in;
 mod wav_out;

@@ -65,6 +65,8 @@ pub fn impact_from_message(message: &Message) -> Option<Impact> {
         object: object as u32,
         point: point as u32,
         position: [x as f32, y as f32, z as f32],
+        // What is sent is relative to the object.
+        local: [x as f32, y as f32, z as f32],
     };
     impact.is_valid().then_some(impact)
 }

@@ -8,6 +8,7 @@ pub mod extraction;
 pub mod impact;
 pub mod mode;
 pub mod residual;
+pub mod surface;
 
 pub use bank::loudness::loudness;
 pub use bank::resonators::{Bank, BankOutput};

@@ -27,14 +27,23 @@ pub(crate) struct Group {
     pitch: f64,
     /// Factors of the dampings.
     pub factors: [f32; LANES],
+    /// Dampings in addition, nepers per sample.
+    pub added: [f64; LANES],
 }
 
 impl Group {
     /// Up to sixteen modes of frequencies in Hz and dampings in 1/s.
     fn new(modes: impl Iterator<Item = (f64, f64)>, rate: f64) -> Self {
         let zero = [0.0; LANES];
-        let mut group =
-            Self { angle: zero, decay: zero, sin: zero, versine: zero, pitch: 1.0, factors: [1.0; LANES] };
+        let mut group = Self {
+            angle: zero,
+            decay: zero,
+            sin: zero,
+            versine: zero,
+            pitch: 1.0,
+            factors: [1.0; LANES],
+            added: zero,
+        };
         for (l, (frequency, damping)) in modes.take(LANES).enumerate() {
             (group.angle[l], group.decay[l]) = (TAU * frequency / rate, damping / rate);
         }
@@ -61,7 +70,7 @@ impl Group {
     pub fn steps(&self, damping: f64, less_one: &mut [f32; LANES], sin: &mut [f32; LANES]) {
         let (mut x, mut shrink) = ([0.0; LANES], [0.0; LANES]);
         for l in 0..LANES {
-            let decay = self.decay[l] * (damping * f64::from(self.factors[l]));
+            let decay = self.decay[l] * (damping * f64::from(self.factors[l])) + self.added[l];
             x[l] = -if decay > MIN_DECAY { decay } else { MIN_DECAY };
             shrink[l] = series_expm1(x[l]);
         }
@@ -92,7 +101,7 @@ impl Radiation {
     pub fn new(group: &Group, damping: f64, lanes: &Lanes) -> Self {
         let mut radiation = Self { turn: [[0.0; LANES]; 2], constant: [[0.0; LANES]; 2] };
         for l in 0..LANES {
-            let d = (group.decay[l] * damping) as f32 * group.factors[l];
+            let d = (group.decay[l] * damping) as f32 * group.factors[l] + group.added[l] as f32;
             let w = (group.angle[l] * group.pitch) as f32;
             let power = (d * d + w * w).max(f32::MIN_POSITIVE);
             let sounds = if group.sin[l] != 0.0 { 1.0 / power } else { 0.0 };

@@ -4,4 +4,5 @@ mod coefficients;
 mod kernel;
 pub mod loudness;
 pub mod modal_bank;
+mod moving_points;
 pub mod resonators;

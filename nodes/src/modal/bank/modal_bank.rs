@@ -1,18 +1,21 @@
 //! The modal bank, as a node.
 
 use super::loudness::unit;
+use super::moving_points::MovingPoints;
 use super::resonators::{Bank, BankOutput};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary, same_rate};
 use crate::core::params::Params;
-use crate::core::ports::{Many, Stream, Value};
+use crate::core::ports::{Events, In, Many, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::dsp::{Gain, Reference, db_to_linear, linear_to_db, ramp_frames};
+use crate::modal::impact::event::Impact;
 use crate::modal::mode::modes::Modes;
+use crate::modal::surface::mode_shapes::ModeShapes;
 use crate::{archive_state, params, ports};
 
 params! {
@@ -28,7 +31,11 @@ params! {
     /// `cull` at every contact point; the summary counts them. For a distant object a second bank with a `cull` of -40 dB is enough.
     /// A mode that has fallen below `floor` is silent until the next force. `gain`, `damping` and `pitch` can be changed while it
     /// rings: they are reached in 10 ms. A link to `damping` replaces the number: it multiplies the dampings over time, by one
-    /// factor for all modes or by one channel for each mode. It is read at every 64th sample and may have any rate.
+    /// factor for all modes or by one channel for each mode. It is read at every 64th sample and may have any rate, as is
+    /// `added_damping`, the damping by supports of each mode in 1/s.
+    ///
+    /// With `shapes`, each impact of `positions` moves the contact point of its number to its position on the object, from its time
+    /// on. Link the output of an `ImpactProjector` to `positions` and to an `ImpactForce`.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 5, do not state what of an object is heard: acceleration is a choice. Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
@@ -66,6 +73,12 @@ ports! {
             modes: Value<Modes>,
             /// Factor of the dampings over time.
             damping: Option<Stream<f32>>,
+            /// Dampings in 1/s that add to those of the modes over time, as from `ContactDamping`: decay rates of the amplitude.
+            added_damping: Option<Stream<f32>>,
+            /// Shapes of the modes, for contact points that move.
+            shapes: Option<Value<ModeShapes>>,
+            /// Impacts that move their contact points.
+            positions: Option<Events<Impact>>,
         }
         out {
             /// The sound, mono.
@@ -88,6 +101,7 @@ pub struct ModalBankNode {
     modes: usize,
     /// True if a link replaces the number of `damping`.
     linked: bool,
+    moving: Option<MovingPoints>,
 }
 
 /// Frequency below which hardly anything is heard, Hz.
@@ -101,29 +115,71 @@ fn factor(p: &ModalBankParams, unit: f64) -> f64 {
     f64::from(p.gain) * db_to_linear(p.db.into()) * unit
 }
 
+fn named([factor, added]: [Option<Incoming<f32>>; 2]) -> [(&'static str, Option<Incoming<f32>>); 2] {
+    [("damping", factor), ("added_damping", added)]
+}
+
+/// The last contact point that a force acts at.
+fn last_point(p: &ModalBankParams, k: usize, force: &Incoming<f32>) -> usize {
+    match force.format {
+        Channels(1) => p.points.get(k).copied().unwrap_or(0).into(),
+        Channels(n) => usize::from(n.saturating_sub(1)),
+    }
+}
+
+/// Modes with at least so many contact points: those in addition are where each mode is strongest, until they move.
+fn extended(modes: &Modes, shapes: &ModeShapes, points: usize) -> Modes {
+    let mut modes = modes.clone();
+    let reach = shapes.reach();
+    // Modes are left out for their strength at all points, so there is at least one of these.
+    for _ in modes.points()..points.max(modes.points() + 1) {
+        modes.gains.extend(&reach);
+    }
+    modes
+}
+
 /// Errors for forces and dampings that do not fit the modes.
 fn mismatches<'a>(
     p: &'a ModalBankParams,
     forces: &'a [Incoming<f32>],
-    damping: Option<&'a Incoming<f32>>,
+    dampings: [(&'static str, Option<Incoming<f32>>); 2],
     modes: &'a Modes,
+    moves: bool,
 ) -> impl Iterator<Item = Reject> + 'a {
-    let points = modes.points();
+    // Points that move need no gains before they do.
+    let points = if moves { usize::MAX } else { modes.points() };
     let beyond_points = move |(k, force): (usize, &Incoming<f32>)| {
-        let Channels(channels) = force.format;
-        let point = p.points.get(k).copied().unwrap_or(0);
-        let (last, field) =
-            if channels == 1 { (point, "points".into()) } else { (channels - 1, format!("forces[{k}]")) };
+        let last = last_point(p, k, force);
+        let field = if force.format.0 == 1 { "points".into() } else { format!("forces[{k}]") };
         let message =
             format!("force {k} acts at contact point {last}; the modes have {points}, counted from 0");
-        (usize::from(last) >= points).then(|| Reject::new("F078", message).at(field))
+        (last >= points).then(|| Reject::new("F078", message).at(field))
     };
-    let width = damping.map(|damping| usize::from(damping.format.0));
-    let wide = width.filter(|n| *n != 1 && *n != modes.len()).map(|n| {
-        let message = format!("`damping` has {n} channels for {} modes", modes.len());
-        Reject::new("F046", message).at("damping").help("one channel, or one for each mode")
+    let wide = dampings.into_iter().filter_map(|(name, damping)| {
+        let n = usize::from(damping?.format.0);
+        (n != 1 && n != modes.len()).then(|| {
+            let message = format!("`{name}` has {n} channels for {} modes", modes.len());
+            Reject::new("F046", message).at(name).help("one channel, or one for each mode")
+        })
     });
     forces.iter().enumerate().filter_map(beyond_points).chain(wide)
+}
+
+/// Errors for contact points that move without a surface, or on that of another object.
+fn misplaced(shapes: Option<&ModeShapes>, modes: &Modes, moves: bool) -> Option<Reject> {
+    match shapes {
+        None if moves => {
+            let reject =
+                Reject::new("F078", "contact points move on the surface of the object: link `shapes`");
+            Some(reject.at("positions"))
+        }
+        Some(shapes) if shapes.len() != modes.len() => {
+            let message = format!("shapes of {} modes for {} modes", shapes.len(), modes.len());
+            Some(Reject::new("F078", message).at("shapes").help("link both outputs of one ModelModes"))
+        }
+        Some(shapes) => shapes.validate().err().map(|e| Reject::new("F078", e).at("shapes")),
+        None => None,
+    }
 }
 
 impl ModalBankNode {
@@ -152,8 +208,14 @@ impl Node for ModalBankNode {
         }
         if let Some(modes) = s.value(ModalBankPorts::modes) {
             modes.validate().map_err(reject)?;
-            let damping = s.optional(ModalBankPorts::damping);
-            mismatches(p, &forces, damping.as_ref(), &modes).for_each(|found| s.wrong(found));
+            let dampings =
+                [ModalBankPorts::damping, ModalBankPorts::added_damping].map(|port| s.optional(port));
+            let moves = s.linked(ModalBankPorts::positions);
+            let found: Vec<Reject> = mismatches(p, &forces, named(dampings), &modes, moves).collect();
+            let shapes = s.optional_value(ModalBankPorts::shapes);
+            let known = shapes.is_some() || !s.linked(ModalBankPorts::shapes);
+            let misplaced = misplaced(shapes.as_deref(), &modes, moves).filter(|_| known);
+            found.into_iter().chain(misplaced).for_each(|found| s.wrong(found));
             let dropped =
                 Bank::culled(&modes, first.rate.as_f64(), p.output, p.cull).map_err(reject)?.dropped();
             if modes.frequencies.iter().all(|f| f * p.pitch < LOW) {
@@ -173,26 +235,47 @@ impl Node for ModalBankNode {
         s.tail(ticks(p.tail));
         s.lookaround(ModalBankPorts::damping, 1, 0);
         s.when_ended(ModalBankPorts::damping, Ends::Hold);
+        s.lookaround(ModalBankPorts::added_damping, 1, 0);
+        s.when_ended(ModalBankPorts::added_damping, Ends::Hold);
         s.output(ModalBankPorts::audio, first.rate, Channels(1));
         Ok(())
     }
 
     fn build(p: &ModalBankParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let modes = cx.value(ModalBankPorts::modes);
-        let (forces, damping) = (cx.many(ModalBankPorts::forces), cx.optional(ModalBankPorts::damping));
+        let forces = cx.many(ModalBankPorts::forces);
+        let dampings = [ModalBankPorts::damping, ModalBankPorts::added_damping].map(|port| cx.optional(port));
+        let linked = dampings[0].is_some();
+        let shapes = cx.optional_value(ModalBankPorts::shapes);
         modes.validate().map_err(reject)?;
-        if let Some(found) = mismatches(p, &forces, damping.as_ref(), &modes).next() {
+        let misplaced = misplaced(shapes.as_deref(), &modes, false);
+        if let Some(found) =
+            mismatches(p, &forces, named(dampings), &modes, shapes.is_some()).chain(misplaced).next()
+        {
             return Err(found.into());
         }
         let rate = cx.output(ModalBankPorts::audio).rate;
-        let mut bank = Bank::culled(&modes, rate.as_f64(), p.output, p.cull).map_err(reject)?;
-        let linked = damping.is_some();
+        let points =
+            forces.iter().enumerate().map(|(k, force)| last_point(p, k, force) + 1).max().unwrap_or(1);
+        let all = shapes.as_ref().map(|shapes| extended(&modes, shapes, points));
+        let bank = Bank::culled(all.as_ref().unwrap_or(&modes), rate.as_f64(), p.output, p.cull);
+        let mut bank = bank.map_err(reject)?;
         bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp_frames(rate));
         let unit = unit(&modes, p.reference).map_err(reject)?;
         let gain = Gain::new(factor(p, unit), ramp_frames(rate), 1);
         let per_sample = (1.0 / rate.as_f64()) as f32;
-        let mut node =
-            Self { bank, gain, params: p.clone(), unit, rate, per_sample, modes: modes.len(), linked };
+        let moving = shapes.map(|shapes| MovingPoints::new(shapes, bank.points()));
+        let mut node = Self {
+            bank,
+            gain,
+            params: p.clone(),
+            unit,
+            rate,
+            per_sample,
+            modes: modes.len(),
+            linked,
+            moving,
+        };
         node.set_floor();
         Ok(node)
     }
@@ -201,15 +284,37 @@ impl Node for ModalBankNode {
         let first = io.audio.first();
         self.bank.align(first);
         let out = io.audio.items();
+        let mut moves =
+            io.positions.as_ref().map_or(&[][..], |positions| positions.events()).iter().peekable();
         let mut at = 0;
         while at < out.len() {
-            if let Some(damping) = io.damping.as_ref().filter(|_| self.bank.at_grid()) {
-                let now = self.rate.tick(first + at as i64);
-                // The latest factor, or the one before the window.
-                let index = damping.rate().first_at(now + 1) - 1 - damping.first();
-                self.bank.damp(damping.item(index.max(-1) as isize));
+            let index = first + at as i64;
+            if self.bank.at_grid() {
+                let now = self.rate.tick(index);
+                // The latest one, or the one before the window.
+                let latest = |damping: &In<'_, f32>| {
+                    let item = damping.rate().first_at(now + 1) - 1 - damping.first();
+                    item.max(-1) as isize
+                };
+                if let Some(damping) = &io.damping {
+                    self.bank.damp(damping.item(latest(damping)));
+                }
+                if let Some(damping) = &io.added_damping {
+                    self.bank.add_damping(damping.item(latest(damping)));
+                }
             }
-            let n = self.bank.until_grid().min(out.len() - at);
+            let mut n = self.bank.until_grid().min(out.len() - at);
+            while let Some((tick, impact)) = moves.peek() {
+                let item = self.rate.first_at(*tick);
+                if item > index {
+                    n = n.min((item - index) as usize);
+                    break;
+                }
+                if let Some(moving) = self.moving.as_mut().filter(|_| impact.is_valid()) {
+                    moving.set(&mut self.bank, impact.point as usize, impact.local);
+                }
+                moves.next();
+            }
             for (k, force) in io.forces.iter().enumerate() {
                 let width = force.width().max(1);
                 let frames = force.items().get(at * width..(at + n) * width).unwrap_or_default();
@@ -258,9 +363,12 @@ impl Node for ModalBankNode {
     fn adopt(&mut self, old: &mut Self) {
         self.gain.start_from(old.gain.current());
         self.bank.take_state(&old.bank);
+        if let (Some(moving), Some(old)) = (&mut self.moving, &old.moving) {
+            moving.take_state(&mut self.bank, old);
+        }
     }
 
-    archive_state!(bank, gain);
+    archive_state!(bank, gain, each moving);
 
     fn trial(rng: &mut Rng) -> (ModalBankParams, MemoryFiles) {
         let params = ModalBankParams::trial(rng);

@@ -64,6 +64,10 @@ pub struct Bank {
     /// Indices of the modes in the object.
     indices: Vec<usize>,
     groups: Vec<Group>,
+    /// Cosine and sine of the phase of each mode.
+    phases: Vec<[f64; 2]>,
+    /// Samples per second.
+    rate: f64,
     /// Modes of the object, including those left out.
     total: usize,
     /// Modes that are too high for the sample rate.
@@ -93,7 +97,20 @@ pub struct Bank {
     /// Modes that diverged and were set to zero.
     diverged: u64,
 }
-impl_state!(Bank { groups, lanes, turned, direct, awake, phase, quiet, damping, pitch, stale, diverged });
+impl_state!(Bank {
+    groups,
+    lanes,
+    gains,
+    turned,
+    direct,
+    awake,
+    phase,
+    quiet,
+    damping,
+    pitch,
+    stale,
+    diverged
+});
 
 impl Bank {
     /// A bank at rest, at a sample rate in Hz.
@@ -117,14 +134,13 @@ impl Bank {
         let (indices, groups) = audible(modes, rate, min_gain);
         let (vectors, points) = (groups.len(), modes.points());
         let mut gains = vec![InputGain { re: [0.0; LANES], im: [0.0; LANES] }; vectors * points];
-        for (k, i) in indices.iter().enumerate() {
+        let phase = |i: &usize| {
             let phase = f64::from(modes.phases.get(*i).copied().unwrap_or(0.0));
-            let (sin, cos) = (libm::sin(phase), libm::cos(phase));
-            for point in 0..points {
-                let gain = f64::from(modes.row(point)[*i]);
-                let input = &mut gains[k / LANES * points + point];
-                (input.re[k % LANES], input.im[k % LANES]) = ((gain * cos) as f32, (gain * sin) as f32);
-            }
+            [libm::cos(phase), libm::sin(phase)]
+        };
+        let phases: Vec<[f64; 2]> = indices.iter().map(phase).collect();
+        for point in 0..points {
+            set_gains(&mut gains[point..], points, &indices, &phases, modes.row(point));
         }
         let mut bank = Self {
             level: Level::new(),
@@ -147,6 +163,8 @@ impl Bank {
             diverged: 0,
             indices,
             groups,
+            phases,
+            rate,
         };
         bank.set_floor(-140.0);
         bank.set_steps();
@@ -222,6 +240,47 @@ impl Bank {
             }
         }
         self.stale |= stale;
+    }
+
+    /// Sets dampings in 1/s that add to those of the modes, from the next grid point.
+    ///
+    /// # Shapes
+    /// One for all modes, or one for each mode of the object. One that is negative or not a number counts as 0.
+    pub fn add_damping(&mut self, dampings: &[f32]) {
+        let Some(last) = dampings.last() else { return };
+        let (rate, mut stale) = (self.rate, false);
+        for (group, indices) in self.groups.iter_mut().zip(self.indices.chunks(LANES)) {
+            for (old, i) in group.added.iter_mut().zip(indices) {
+                let damping = if dampings.len() > 1 { *dampings.get(*i).unwrap_or(last) } else { *last };
+                let new = if damping > 0.0 { f64::from(damping) / rate } else { 0.0 };
+                stale |= *old != new;
+                *old = new;
+            }
+        }
+        self.stale |= stale;
+    }
+
+    /// Moves a contact point to where the modes have other gains, from the next sample.
+    ///
+    /// # Shapes
+    /// One gain for each mode of the object, including those left out.
+    pub fn move_point(&mut self, point: usize, gains: &[f32]) {
+        let points = self.points();
+        if point >= points || gains.len() != self.total {
+            return;
+        }
+        set_gains(&mut self.gains[point..], points, &self.indices, &self.phases, gains);
+        if self.turned.is_empty() || self.stale {
+            // The next grid point sets all of them.
+            return;
+        }
+        let damping = self.damping.current();
+        self.direct[point] = 0.0;
+        for (vector, (group, lanes)) in self.groups.iter().zip(&self.lanes).enumerate() {
+            let radiation = Radiation::new(group, damping, lanes);
+            let at = vector * points + point;
+            self.direct[point] -= radiation.apply(&self.gains[at], &mut self.turned[at]);
+        }
     }
 
     /// Samples until the next grid point: the longest block of [`advance`](Self::advance).
@@ -369,6 +428,17 @@ impl Bank {
                 }
             }
         });
+    }
+}
+
+/// Sets the gains of a contact point, of which every `points`-th element of `inputs` holds sixteen.
+fn set_gains(inputs: &mut [InputGain], points: usize, indices: &[usize], phases: &[[f64; 2]], gains: &[f32]) {
+    let all = indices.chunks(LANES).zip(phases.chunks(LANES));
+    for ((indices, phases), input) in all.zip(inputs.iter_mut().step_by(points.max(1))) {
+        for (l, (i, [cos, sin])) in indices.iter().zip(phases).enumerate() {
+            let gain = gains.get(*i).map_or(0.0, |gain| f64::from(*gain));
+            (input.re[l], input.im[l]) = ((gain * cos) as f32, (gain * sin) as f32);
+        }
     }
 }
 

@@ -2,18 +2,17 @@
 
 use super::comparison::{Comparison, compare};
 use crate::core::fault::{Fault, Reject};
-use crate::core::files::{MemoryFiles, WriteSeek};
+use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary, same_rate};
 use crate::core::params::OutPath;
 use crate::core::ports::Stream;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
+use crate::io::text_output::TextOutput;
 use crate::plot::{Axis, Line, beside, chart};
 use crate::{archive_state, params, ports};
-use std::fmt;
 use std::fmt::Write as _;
-use std::io::Write as _;
 
 params! {
     /// Compares a sound with a reference, such as a resynthesis with its recording, from the onset of the reference to its end.
@@ -46,17 +45,12 @@ ports! {
 const LONGEST: f64 = 600.0;
 
 /// The node over [`compare`].
+#[derive(Debug)]
 pub struct SoundComparison {
     rate: Rate,
     sounds: [Vec<f32>; 2],
-    table: Option<(String, Box<dyn WriteSeek>)>,
-    figure: Option<(String, Box<dyn WriteSeek>)>,
-}
-
-impl fmt::Debug for SoundComparison {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("SoundComparison").field("rate", &self.rate).finish_non_exhaustive()
-    }
+    table: Option<TextOutput>,
+    figure: Option<TextOutput>,
 }
 
 fn table(c: &Comparison) -> String {
@@ -128,14 +122,11 @@ impl Node for SoundComparison {
     }
 
     fn build(p: &SoundComparisonParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        let open = |field: &'static str, path: &Option<OutPath>| {
-            path.as_ref().map(|path| Ok::<_, Fault>((path.0.clone(), cx.create(field, &path.0)?))).transpose()
-        };
         Ok(Self {
             rate: cx.input(SoundComparisonPorts::reference).rate,
             sounds: [Vec::new(), Vec::new()],
-            table: open("table", &p.table)?,
-            figure: open("figure", &p.figure)?,
+            table: TextOutput::open(cx, "table", p.table.as_ref())?,
+            figure: TextOutput::open(cx, "figure", p.figure.as_ref())?,
         })
     }
 
@@ -171,13 +162,9 @@ impl Node for SoundComparison {
         if reference.iter().all(|x| *x == 0.0) {
             summary.push(("warning", "the reference is silent".into()));
         }
-        for (field, file, text) in
-            [("table", &mut self.table, table(&found)), ("figure", &mut self.figure, figure(&found))]
-        {
-            if let Some((path, file)) = file {
-                let written = file.write_all(text.as_bytes()).and_then(|()| file.flush());
-                written.map_err(|e| Fault::new("F080", format!("cannot write {path:?}: {e}")).at(field))?;
-                summary.push((field, path.as_str().into()));
+        for (file, text) in [(&mut self.table, table(&found)), (&mut self.figure, figure(&found))] {
+            if let Some(file) = file {
+                file.write(&text, &mut summary)?;
             }
         }
         Ok(summary)

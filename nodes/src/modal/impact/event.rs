@@ -33,6 +33,8 @@ pub struct Impact {
     pub point: u32,
     /// Position in the world, in m.
     pub position: [f32; 3],
+    /// Position in the frame of the object, in m.
+    pub local: [f32; 3],
 }
 
 /// The striking body: its effective mass and restitution.
@@ -54,6 +56,7 @@ impl Impact {
             object: 0,
             point: 0,
             position: [0.0; 3],
+            local: [0.0; 3],
         }
     }
 
@@ -84,7 +87,7 @@ impl Impact {
         let positive = [self.energy, self.hardness, self.duration];
         positive.iter().all(|x| x.is_finite() && *x >= 0.0)
             && self.impulse.is_finite()
-            && self.position.iter().all(|x| x.is_finite())
+            && self.position.iter().chain(&self.local).all(|x| x.is_finite())
     }
 }
 
@@ -99,6 +102,7 @@ impl Event for Impact {
             object: rng.below(3) as u32,
             point: rng.below(3) as u32,
             position: [rng.uniform() as f32, rng.uniform() as f32, rng.uniform() as f32],
+            local: [rng.between(0.0, 0.1) as f32, rng.between(0.0, 0.1) as f32, 0.0],
             ..Self::from_velocity(rng.between(0.0, 3.0), body)
         }
     }

@@ -18,7 +18,7 @@ params! {
     /// Required columns, or keys, are `time_s` and at least one of `velocity` (m/s), `energy` (J) and `impulse` (N s); the others of
     /// these three follow from the mass. Optional are `mass` (kg), `restitution`, `hardness` (1 is steel on stone, 0.01 rubber),
     /// `duration` (s), `object` (a number, or a name of `objects`), `point` (a number from 0), `position` (m; `x y z` with spaces
-    /// in CSV, a list in JSON) and `comment`. Time may not decrease.
+    /// in CSV, a list in JSON), `local` (the same in the frame of the object; by default `position`) and `comment`. Time may not decrease.
     pub struct ImpactFileParams {
         /// The file.
         path: AssetPath;

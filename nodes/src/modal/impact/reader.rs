@@ -11,7 +11,7 @@ pub const MAX_IMPACTS: usize = 1 << 20;
 const MAX_TIME: f64 = 86_400.0;
 
 /// Columns (CSV) or keys (JSON) of a file.
-pub const COLUMNS: [&str; 12] = [
+pub const COLUMNS: [&str; 13] = [
     "time_s",
     "impulse",
     "energy",
@@ -23,6 +23,7 @@ pub const COLUMNS: [&str; 12] = [
     "object",
     "point",
     "position",
+    "local",
     "comment",
 ];
 
@@ -86,14 +87,14 @@ fn object(fields: &Fields, names: &[String]) -> Result<u32, String> {
     })
 }
 
-fn position(fields: &Fields) -> Result<[f32; 3], String> {
-    let Some(text) = fields.get("position") else { return Ok([0.0; 3]) };
+fn vector(fields: &Fields, name: &str) -> Result<Option<[f32; 3]>, String> {
+    let Some(text) = fields.get(name) else { return Ok(None) };
     let wrong =
-        || format!("`position` is {:?}; three numbers are needed, such as \"0.1 0 2.5\"", excerpt(text));
+        || format!("`{name}` is {:?}; three numbers are needed, such as \"0.1 0 2.5\"", excerpt(text));
     let numbers: Vec<f32> =
         text.split_whitespace().map(str::parse).collect::<Result<_, _>>().map_err(|_| wrong())?;
-    let position: [f32; 3] = numbers.try_into().map_err(|_| wrong())?;
-    if position.iter().all(|x| x.is_finite()) { Ok(position) } else { Err(wrong()) }
+    let vector: [f32; 3] = numbers.try_into().map_err(|_| wrong())?;
+    if vector.iter().all(|x| x.is_finite()) { Ok(Some(vector)) } else { Err(wrong()) }
 }
 
 fn impact(fields: &Fields, defaults: &Defaults) -> Result<(f64, Impact), String> {
@@ -125,7 +126,9 @@ fn impact(fields: &Fields, defaults: &Defaults) -> Result<(f64, Impact), String>
     impact.duration = number(fields, "duration", 0.0, 1.0)?.unwrap_or(0.0) as f32;
     impact.object = object(fields, &defaults.objects)?;
     impact.point = index(fields, "point")?;
-    impact.position = position(fields)?;
+    impact.position = vector(fields, "position")?.unwrap_or_default();
+    // An object without a position of its own is at the origin of the world.
+    impact.local = vector(fields, "local")?.unwrap_or(impact.position);
     if impact.is_valid() { Ok((time, impact)) } else { Err("its numbers are too large".into()) }
 }
 

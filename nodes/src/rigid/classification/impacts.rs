@@ -52,7 +52,7 @@ impl Classifier {
             (here.force - min_force) * here.step + before.map_or(0.0, part) + next.map_or(0.0, part);
         contact.last_impact = Some(here.tick);
         let impact = self.impact(&contact.latest, impulse, approach);
-        self.queue_impact(at, contact.id, impact, contact.latest.bodies);
+        self.queue_impact(at, contact.id, impact, &contact.latest);
     }
 
     fn impact(&self, frame: &ContactFrame, impulse: f64, approach: f64) -> Impact {
@@ -66,25 +66,27 @@ impl Classifier {
             object: 0,
             point: 0,
             position: frame.point.map(|x| x as f32),
+            local: [0.0; 3],
         }
     }
 
     /// Queues an impact for each body that sounds, in the order of time, contact and body.
-    fn queue_impact(&mut self, at: Tick, contact: u64, impact: Impact, bodies: [u32; 2]) {
-        let objects: &[u32] = match self.rules.struck {
-            ImpactObjects::Both => &bodies,
-            ImpactObjects::A => &bodies[..1],
-            ImpactObjects::B => &bodies[1..],
+    fn queue_impact(&mut self, at: Tick, contact: u64, impact: Impact, frame: &ContactFrame) {
+        let sides: &[usize] = match self.rules.struck {
+            ImpactObjects::Both => &[0, 1],
+            ImpactObjects::A => &[0],
+            ImpactObjects::B => &[1],
         };
         self.impact_count += 1;
-        for object in objects {
+        for &side in sides {
+            let (object, local) = (frame.bodies[side], frame.local[side].map(|x| x as f32));
             if self.impacts.len() == MAX_IMPACTS {
                 self.dropped += 1;
                 return;
             }
-            let key = (at, contact, *object);
+            let key = (at, contact, object);
             let index = self.impacts.partition_point(|(t, c, i)| (*t, *c, i.object) <= key);
-            self.impacts.insert(index, (at, contact, Impact { object: *object, ..impact }));
+            self.impacts.insert(index, (at, contact, Impact { object, local, ..impact }));
         }
     }
 }

@@ -3,6 +3,8 @@
 pub mod closed_surface;
 pub mod formats;
 pub mod quality;
+pub mod revolution;
+pub mod revolved_mesh;
 pub mod shapes;
 pub mod surface_to_tets;
 pub mod tet_mesh;

@@ -13,6 +13,8 @@ pub struct Voice {
     pub gains: Vec<f64>,
     /// Largest gain at any point of the surface.
     pub reach: f64,
+    /// Modes of the model that it stands for, with the sound of each per modal impulse: several after merging.
+    pub members: Vec<(usize, f64)>,
 }
 
 impl Voice {
@@ -132,6 +134,7 @@ fn merge(voices: Vec<Voice>, culling: &Culling) -> Vec<Voice> {
                 sum.c += share * (voice.c - sum.c);
                 sum.gains.iter_mut().zip(&voice.gains).for_each(|(g, x)| *g += x);
                 sum.reach += voice.reach;
+                sum.members.extend(&voice.members);
                 if let Some((_, last)) = &mut cluster {
                     *last = voice;
                 }
@@ -159,7 +162,7 @@ mod tests {
 
     fn voice(f: f64, c: f64, gain: f64) -> Voice {
         let lambda = (TAU * f).powi(2);
-        Voice { lambda, c, gains: vec![gain], reach: gain.abs() }
+        Voice { lambda, c, gains: vec![gain], reach: gain.abs(), members: vec![(0, gain)] }
     }
 
     const ALL: Culling =

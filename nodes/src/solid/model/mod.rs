@@ -1,6 +1,5 @@
 //! The modes of an object with their shapes on its surface, and what they sound like from contact points.
 
-pub mod contact;
 pub mod cull;
 pub mod modal_analysis;
 pub mod modal_model;

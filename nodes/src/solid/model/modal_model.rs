@@ -9,6 +9,7 @@ use crate::contact::vector::sub;
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
+use crate::modal::surface::mode_shapes::SurfaceView;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -147,19 +148,19 @@ impl ModalModel {
     /// Displacements of a vertex along an axis, by mode.
     #[must_use]
     pub fn shape(&self, vertex: usize, axis: usize) -> &[f32] {
-        let n = self.len();
-        self.shapes.get((3 * vertex + axis) * n..(3 * vertex + axis + 1) * n).unwrap_or_default()
+        self.surface().shape(vertex, axis)
     }
 
-    /// Largest edge of the bounding box, m.
+    /// The surface with the shapes of all modes.
     #[must_use]
-    pub fn extent(&self) -> f64 {
-        let span = |k: usize| {
-            let axis = self.vertices.iter().map(|p| p[k]);
-            let (low, high) = axis.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-            high - low
-        };
-        (0..3).map(span).fold(0.0, f64::max)
+    pub fn surface(&self) -> SurfaceView<'_> {
+        SurfaceView {
+            vertices: &self.vertices,
+            triangles: &self.triangles,
+            normals: &self.normals,
+            shapes: &self.shapes,
+            modes: self.len(),
+        }
     }
 
     /// Checks lengths and ranges.
@@ -251,7 +252,7 @@ impl ModalModel {
             ("mass_kg", self.mass.into()),
             ("volume_m3", self.volume.into()),
             ("surface_vertices", self.vertices.len().into()),
-            ("extent_m", self.extent().into()),
+            ("extent_m", self.surface().extent().into()),
             ("residual_below", self.residual.into()),
         ]
     }

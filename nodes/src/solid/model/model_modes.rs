@@ -1,6 +1,5 @@
 //! Damped modes of an object at contact points, as a node.
 
-use super::contact::contacts;
 use super::cull::{Culling, DropCounts, Voice, cull};
 use super::modal_model::ModalModel;
 use super::radiance::{Radiance, radiation_damping};
@@ -13,6 +12,8 @@ use crate::core::random::Rng;
 use crate::core::shape::Build;
 use crate::material::{DampingModel, Material};
 use crate::modal::Modes;
+use crate::modal::surface::contact::contacts;
+use crate::modal::surface::mode_shapes::ModeShapes;
 use crate::{params, ports};
 
 params! {
@@ -20,7 +21,7 @@ params! {
     ///
     /// An impulse along the direction of a contact point excites each mode by its displacement there. The gain of a mode is the
     /// pressure after an impulse of 1 N s, by the chosen model of radiation. Points are positions on the surface, or numbers of
-    /// its vertices; those of `points` come first. Its decay rate is `c / 2` with the damping `c` of the material at the mode's frequency.
+    /// its vertices; those of `points` come first. Without any there is one contact point: the vertex where the sound is loudest. Its decay rate is `c / 2` with the damping `c` of the material at the mode's frequency.
     ///
     /// Modes are left out if they lie outside of the band, do not oscillate, or are too weak at every point of the surface; the
     /// summary counts them by reason.
@@ -70,6 +71,8 @@ ports! {
         out {
             /// The modes.
             modes: Value<Modes>,
+            /// Their shapes on the surface, in the same order: for impacts anywhere on it, and for contacts that damp them.
+            shapes: Value<ModeShapes>,
         }
     }
 }
@@ -108,9 +111,53 @@ pub fn voices(
         let ratio = (lambda / (lambda - 0.25 * c * c).max(f64::MIN_POSITIVE)).sqrt();
         let factor = ratio * radiance.per_velocity(model, mode, distance);
         let gains = impulses.iter().map(|j| j[mode] * factor).collect();
-        Voice { lambda, c, gains, reach: reach * factor.abs() }
+        Voice { lambda, c, gains, reach: reach * factor.abs(), members: vec![(mode, factor)] }
     };
     reach.into_iter().enumerate().map(voice).collect()
+}
+
+/// The vertex at which an impulse along the normal gives the most energy of sound over all modes.
+fn loudest_vertex(model: &ModalModel, radiance: Radiance, distance: f64) -> u32 {
+    let factors: Vec<f64> =
+        (0..model.len()).map(|mode| radiance.per_velocity(model, mode, distance)).collect();
+    let energy = |vertex: usize, normal: &[f64; 3]| -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|axis| model.shape(vertex, axis));
+        let along = |mode: usize| {
+            normal[0] * f64::from(x[mode]) + normal[1] * f64::from(y[mode]) + normal[2] * f64::from(z[mode])
+        };
+        factors.iter().enumerate().map(|(mode, factor)| (factor * along(mode)).powi(2)).sum()
+    };
+    let energies = model.normals.iter().enumerate().map(|(vertex, normal)| (vertex, energy(vertex, normal)));
+    energies.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(vertex, _)| vertex as u32)
+}
+
+/// The shapes of what is left of a model, for a sound pressure that is full scale.
+///
+/// Modes that were merged have the sum of their shapes, weighted with their sounds.
+#[must_use]
+pub fn shapes(model: &ModalModel, voices: &[Voice], full_scale: f64) -> ModeShapes {
+    let gain = |v: &Voice| match v.members.as_slice() {
+        [(_, factor)] => *factor,
+        many => many.iter().map(|(_, factor)| factor * factor).sum::<f64>().sqrt(),
+    };
+    let gains: Vec<f64> = voices.iter().map(gain).collect();
+    let displacement = |row: &[f32], v: &Voice, gain: f64| match v.members.as_slice() {
+        [(mode, _)] => row[*mode],
+        many if gain > 0.0 => {
+            (many.iter().map(|(mode, factor)| factor / gain * f64::from(row[*mode])).sum::<f64>()) as f32
+        }
+        _ => 0.0,
+    };
+    let rows = model.shapes.chunks_exact(model.len().max(1));
+    let shapes =
+        rows.flat_map(|row| voices.iter().zip(&gains).map(move |(v, gain)| displacement(row, v, *gain)));
+    ModeShapes {
+        vertices: model.vertices.clone(),
+        triangles: model.triangles.clone(),
+        normals: model.normals.clone(),
+        shapes: shapes.collect(),
+        gains: gains.iter().map(|gain| (gain / full_scale) as f32).collect(),
+    }
 }
 
 fn summary(counts: &DropCounts) -> Summary {
@@ -131,9 +178,11 @@ impl Func for ModelModes {
     fn eval(p: &ModelModesParams, _: &Build<'_>, mut io: ModelModesIo<'_>) -> Result<Summary, Fault> {
         let (model, material) = (io.model, io.material);
         model.validate().map_err(|e| Fault::new("F078", e).at("model"))?;
-        let contacts = contacts(model, &p.points, &p.vertices, &p.directions, p.max_off_surface)
+        let loudest = [loudest_vertex(model, p.radiance, p.distance)];
+        let vertices = if p.points.is_empty() && p.vertices.is_empty() { &loudest[..] } else { &p.vertices };
+        let contacts = contacts(model.surface(), &p.points, vertices, &p.directions, p.max_off_surface)
             .map_err(|e| Fault::new("F078", e.to_string()).at("points"))?;
-        let impulses: Vec<Vec<f64>> = contacts.iter().map(|c| c.impulses(model)).collect();
+        let impulses: Vec<Vec<f64>> = contacts.iter().map(|c| c.impulses(model.surface())).collect();
         let all = voices(model, &material.damping, &impulses, p.radiance, p.distance, p.radiation_damping);
         let culling = Culling {
             lowest: p.lowest,
@@ -164,6 +213,7 @@ impl Func for ModelModes {
         ];
         figures.extend(summary(&counts));
         io.modes.set(modes);
+        io.shapes.set(shapes(model, &rest, p.full_scale));
         Ok(figures)
     }
 

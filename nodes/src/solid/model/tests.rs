@@ -1,4 +1,3 @@
-use super::contact::{ContactError, contacts};
 use super::cull::{Culling, cull};
 use super::modal_model::ModalModel;
 use super::model_modes::voices;
@@ -6,6 +5,7 @@ use super::radiance::{Radiance, radiation_damping};
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use crate::material::DampingModel;
+use crate::modal::surface::contact::{ContactError, contacts};
 use crate::solid::fem::eigen::Request;
 use crate::solid::fem::elements::{Isotropic, Order};
 use crate::solid::mesh::shapes::{ball, block};
@@ -45,32 +45,32 @@ fn a_bar_is_excited_at_its_ends_and_silent_at_its_nodes() {
     let f = bar.frequencies();
     let z_bending = f.iter().position(|f| (f / 2530.0 - 1.0).abs() < 0.03).unwrap();
     let points = [0.0005, 0.2242 * 0.2, 0.1, 0.1995].map(|x| [x, 0.015, 0.02]);
-    let at: Vec<f64> = contacts(&bar, &points, &[], &[], 0.01)
+    let at: Vec<f64> = contacts(bar.surface(), &points, &[], &[], 0.01)
         .unwrap()
         .iter()
-        .map(|c| c.impulses(&bar)[z_bending])
+        .map(|c| c.impulses(bar.surface())[z_bending])
         .collect();
     assert!((at[0].abs() * bar.mass.sqrt() - 2.0).abs() < 0.1, "{at:?}");
     assert!(at[1].abs() < 0.03 * at[0].abs(), "{at:?}");
     assert!(at[2] * at[0] < 0.0 && (at[2] / at[0] + 0.608).abs() < 0.03, "{at:?}");
     assert!((at[3] / at[0] - 1.0).abs() < 1e-3);
-    let along = contacts(&bar, &points[..1], &[], &[[1.0, 0.0, 0.0]], 0.01).unwrap();
-    assert!(along[0].impulses(&bar)[z_bending].abs() < 0.3 * at[0].abs());
+    let along = contacts(bar.surface(), &points[..1], &[], &[[1.0, 0.0, 0.0]], 0.01).unwrap();
+    assert!(along[0].impulses(bar.surface())[z_bending].abs() < 0.3 * at[0].abs());
 }
 
 #[test]
 fn contact_points_that_do_not_fit_are_errors() {
     let bar = bar();
-    let far = contacts(&bar, &[[0.1, 0.015, 0.1]], &[], &[], 0.05).unwrap_err();
+    let far = contacts(bar.surface(), &[[0.1, 0.015, 0.1]], &[], &[], 0.05).unwrap_err();
     let ContactError::Far { distance, nearest, .. } = far else { panic!("{far}") };
     assert!((distance - 0.08).abs() < 1e-9 && (nearest[2] - 0.02).abs() < 1e-9);
-    assert_eq!(contacts(&bar, &[], &[], &[], 0.05).unwrap_err(), ContactError::None);
+    assert_eq!(contacts(bar.surface(), &[], &[], &[], 0.05).unwrap_err(), ContactError::None);
     let count = bar.vertices.len();
-    let missing = contacts(&bar, &[], &[count as u32], &[], 0.05).unwrap_err();
+    let missing = contacts(bar.surface(), &[], &[count as u32], &[], 0.05).unwrap_err();
     assert_eq!(missing, ContactError::Vertex { found: count as u32, count });
-    let zero = contacts(&bar, &[], &[0], &[[0.0; 3]], 0.05).unwrap_err();
+    let zero = contacts(bar.surface(), &[], &[0], &[[0.0; 3]], 0.05).unwrap_err();
     assert_eq!(zero, ContactError::Direction { index: 0 });
-    let two = contacts(&bar, &[], &[0], &[[1.0, 0.0, 0.0]; 2], 0.05).unwrap_err();
+    let two = contacts(bar.surface(), &[], &[0], &[[1.0, 0.0, 0.0]; 2], 0.05).unwrap_err();
     assert_eq!(two, ContactError::Directions { found: 2, points: 1 });
 }
 
@@ -95,7 +95,9 @@ fn only_the_breathing_mode_of_a_ball_displaces_volume() {
 #[test]
 fn gains_are_the_response_to_an_impulse() {
     let bar = bar();
-    let impulses = vec![contacts(&bar, &[[0.0, 0.015, 0.02]], &[], &[], 0.01).unwrap()[0].impulses(&bar)];
+    let impulses = vec![
+        contacts(bar.surface(), &[[0.0, 0.015, 0.02]], &[], &[], 0.01).unwrap()[0].impulses(bar.surface()),
+    ];
     let all = voices(&bar, &DAMPING, &impulses, Radiance::Unit, 1.0, false);
     for (mode, voice) in all.iter().enumerate() {
         assert!((voice.c - DAMPING.c(bar.lambda[mode])).abs() < 1e-12);

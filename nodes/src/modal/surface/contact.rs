@@ -1,8 +1,8 @@
 //! Contact points on the surface of an object.
 
-use super::modal_model::ModalModel;
+use super::mode_shapes::SurfaceView;
 use crate::contact::triangle::closest_point;
-use crate::contact::vector::{cross, norm, sub};
+use crate::contact::vector::{cross, norm, scale, sub};
 use thiserror::Error;
 
 /// A point on the surface: a triangle, and the weights of its corners.
@@ -69,7 +69,7 @@ pub enum ContactError {
 /// # Complexity
 /// O(points * triangles).
 pub fn contacts(
-    model: &ModalModel,
+    surface: SurfaceView<'_>,
     points: &[[f64; 3]],
     vertices: &[u32],
     directions: &[[f64; 3]],
@@ -82,23 +82,25 @@ pub fn contacts(
     if !directions.is_empty() && directions.len() != count {
         return Err(ContactError::Directions { found: directions.len(), points: count });
     }
-    let limit = max_off_surface * model.extent();
+    let limit = max_off_surface * surface.extent();
     let mut all = Vec::with_capacity(count);
     for (index, point) in points.iter().enumerate() {
-        let (contact, distance, nearest) = project(model, *point);
+        let Some((contact, distance, nearest)) = nearest_of(surface, surface.triangles, *point) else {
+            return Err(ContactError::None);
+        };
         if distance > limit {
             return Err(ContactError::Far { index, distance, limit, nearest });
         }
         all.push(contact);
     }
     for &vertex in vertices {
-        if vertex as usize >= model.vertices.len() {
-            return Err(ContactError::Vertex { found: vertex, count: model.vertices.len() });
+        if vertex as usize >= surface.vertices.len() {
+            return Err(ContactError::Vertex { found: vertex, count: surface.vertices.len() });
         }
         all.push(Contact { vertices: [vertex; 3], weights: [1.0, 0.0, 0.0], direction: [0.0; 3] });
     }
     for (index, contact) in all.iter_mut().enumerate() {
-        let direction = directions.get(index).copied().unwrap_or_else(|| contact.inwards(model));
+        let direction = directions.get(index).copied().unwrap_or_else(|| contact.inwards(surface));
         let long = norm(direction);
         if long <= 0.0 || !long.is_finite() {
             return Err(ContactError::Direction { index });
@@ -110,10 +112,10 @@ pub fn contacts(
 
 impl Contact {
     /// The inward normal of the triangle, or of the vertex.
-    fn inwards(&self, model: &ModalModel) -> [f64; 3] {
-        let [a, b, c] = self.vertices.map(|i| model.vertices[i as usize]);
+    pub(super) fn inwards(&self, surface: SurfaceView<'_>) -> [f64; 3] {
+        let [a, b, c] = self.vertices.map(|i| surface.vertices[i as usize]);
         let outwards = if self.vertices[0] == self.vertices[1] {
-            model.normals[self.vertices[0] as usize]
+            surface.normals[self.vertices[0] as usize]
         } else {
             cross(sub(b, a), sub(c, a))
         };
@@ -122,28 +124,43 @@ impl Contact {
 
     /// Modal impulse of each mode for an impulse of 1 N s along the direction, kg^(-1/2) N s.
     #[must_use]
-    pub fn impulses(&self, model: &ModalModel) -> Vec<f64> {
-        let mut all = vec![0.0; model.len()];
-        for (vertex, weight) in self.vertices.iter().zip(self.weights) {
-            for (axis, along) in self.direction.iter().enumerate() {
-                let factor = weight * along;
-                let shape = model.shape(*vertex as usize, axis);
-                all.iter_mut().zip(shape).for_each(|(sum, x)| *sum += factor * f64::from(*x));
-            }
+    pub fn impulses(&self, surface: SurfaceView<'_>) -> Vec<f64> {
+        let mut all = vec![0.0; surface.modes];
+        for (axis, along) in self.direction.iter().enumerate() {
+            self.add_shapes(surface, axis, *along, &mut all);
         }
         all
     }
+
+    /// Adds `factor` times the displacement of each mode along an axis.
+    pub fn add_shapes(&self, surface: SurfaceView<'_>, axis: usize, factor: f64, sums: &mut [f64]) {
+        for (vertex, weight) in self.vertices.iter().zip(self.weights) {
+            let shape = surface.shape(*vertex as usize, axis);
+            sums.iter_mut().zip(shape).for_each(|(sum, x)| *sum += factor * weight * f64::from(*x));
+        }
+    }
+
+    /// Position on the surface, m.
+    #[must_use]
+    pub fn position(&self, surface: SurfaceView<'_>) -> [f64; 3] {
+        let corners = self.vertices.map(|i| surface.vertices[i as usize]);
+        [0, 1, 2].map(|k| corners.iter().zip(self.weights).map(|(p, w)| p[k] * w).sum())
+    }
 }
 
-/// The nearest point of the surface, its distance and position.
-fn project(model: &ModalModel, point: [f64; 3]) -> (Contact, f64, [f64; 3]) {
-    let closest = |t: &[u32; 3]| closest_point(point, t.map(|i| model.vertices[i as usize]));
-    let all = model.triangles.iter().map(|t| (t, closest(t)));
-    let nearest = all.min_by(|a, b| a.1.squared_distance.total_cmp(&b.1.squared_distance));
-    let Some((vertices, found)) = nearest else {
-        let nowhere = Contact { vertices: [0; 3], weights: [1.0, 0.0, 0.0], direction: [0.0; 3] };
-        return (nowhere, f64::INFINITY, point);
-    };
-    let contact = Contact { vertices: *vertices, weights: found.barycentric, direction: [0.0; 3] };
-    (contact, found.squared_distance.sqrt(), found.point)
+/// The nearest point of some triangles of the surface with their inward normal as the direction, its distance and position; none without
+/// triangles.
+pub(super) fn nearest_of(
+    surface: SurfaceView<'_>,
+    triangles: &[[u32; 3]],
+    point: [f64; 3],
+) -> Option<(Contact, f64, [f64; 3])> {
+    let closest = |t: &[u32; 3]| closest_point(point, t.map(|i| surface.vertices[i as usize]));
+    let all = triangles.iter().map(|t| (t, closest(t)));
+    let (vertices, found) = all.min_by(|a, b| a.1.squared_distance.total_cmp(&b.1.squared_distance))?;
+    let mut contact = Contact { vertices: *vertices, weights: found.barycentric, direction: [0.0; 3] };
+    let inwards = contact.inwards(surface);
+    let length = norm(inwards);
+    contact.direction = if length > 0.0 { scale(inwards, 1.0 / length) } else { [0.0, 0.0, 1.0] };
+    Some((contact, found.squared_distance.sqrt(), found.point))
 }
