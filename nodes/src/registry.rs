@@ -29,6 +29,7 @@ use crate::friction::model::pair_friction_model::PairFrictionModel;
 use crate::friction::synthesis::binaural_ift_noise::BinauralIftNoise;
 use crate::friction::synthesis::ift_noise::IftNoiseNode;
 use crate::material::fitting::damping_fit::DampingFit;
+use crate::material::library::material_blend::MaterialBlend;
 use crate::material::library::material_file::MaterialFile;
 use crate::material::library::material_out::MaterialOut;
 use crate::material::points::damping_points_file::DampingPointsFile;
@@ -48,7 +49,6 @@ use crate::modal::mode::modes_file::ModesFile;
 use crate::modal::residual::modal_residual::ModalResidual;
 use crate::modal::surface::contact_damping::ContactDamping;
 use crate::modal::surface::impact_projector::ImpactProjector;
-use crate::modal::surface::material_blend::MaterialBlend;
 use crate::modal::surface::mode_decay_times::ModeDecayTimes;
 use crate::modal::surface::support_contacts::SupportContacts;
 use crate::rigid::classification::contact_classifier::ContactClassifier;
@@ -304,13 +304,13 @@ impl Registry {
             .with::<ImpactProjector>()
             .with::<ContactDamping>()
             .with::<SupportContacts>()
-            .with::<MaterialBlend>()
             .with::<ModeDecayTimes>()
             .family("material")
             .with_func::<DampingFit>()
             .with_func::<DampingPointsFile>()
             .with_func::<FeatureGate>()
             .with_func::<MaterialFile>()
+            .with::<MaterialBlend>()
             .with::<MaterialOut>()
             .family("solid")
             .with_func::<ModalAnalysis>()

@@ -1,6 +1,7 @@
 //! Materials as files.
 
 pub mod material;
+pub mod material_blend;
 pub mod material_file;
 pub mod material_out;
 mod reader;

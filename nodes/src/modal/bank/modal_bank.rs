@@ -1,5 +1,7 @@
 //! The modal bank, as a node.
 
+use super::dampings::Dampings;
+use super::kernel::GRID;
 use super::loudness::unit;
 use super::moving_points::MovingPoints;
 use super::resonators::{Bank, BankOutput};
@@ -8,15 +10,18 @@ use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary, same_rate};
 use crate::core::params::Params;
-use crate::core::ports::{Events, In, Many, Stream, Value};
+use crate::core::ports::{Events, In, Links, Many, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
-use crate::core::time::{Rate, ticks};
+use crate::core::time::{Rate, Tick, ticks};
 use crate::dsp::{Gain, Reference, db_to_linear, linear_to_db, ramp_frames};
 use crate::modal::impact::event::Impact;
+use crate::modal::mode::damping_curve::DampingCurve;
 use crate::modal::mode::modes::Modes;
 use crate::modal::surface::mode_shapes::ModeShapes;
+use crate::modal::surface::support::{Support, Supports};
 use crate::{archive_state, params, ports};
+use std::ops::Range;
 
 params! {
     /// Rings the modes of an object under forces.
@@ -32,10 +37,11 @@ params! {
     /// A mode that has fallen below `floor` is silent until the next force. `gain`, `damping` and `pitch` can be changed while it
     /// rings: they are reached in 10 ms. A link to `damping` replaces the number: it multiplies the dampings over time, by one
     /// factor for all modes or by one channel for each mode. It is read at every 64th sample and may have any rate, as is
-    /// `added_damping`, the damping by supports of each mode in 1/s.
+    /// `added_damping`, which adds to the dampings. A `MaterialBlend` linked to `material` replaces the dampings by those of a material.
     ///
     /// With `shapes`, each impact of `positions` moves the contact point of its number to its position on the object, from its time
-    /// on. Link the output of an `ImpactProjector` to `positions` and to an `ImpactForce`.
+    /// on: link the output of an `ImpactProjector` to `positions` and to an `ImpactForce`. `supports`, from `ContactDamping`, damp each
+    /// mode by how much it moves there.
     ///
     /// # Source
     /// Picard, Tsingos and Faure (VRIPHYS 2008), section 5, do not state what of an object is heard: acceleration is a choice. Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
@@ -60,6 +66,8 @@ params! {
         floor: f64 = -140.0, unit "dB", range -300.0..=-60.0;
         /// Gain relative to the strongest mode below which a mode is left out.
         cull: f64 = -80.0, unit "dB", range -300.0..=0.0;
+        /// Maximum distance of a support from the surface, relative to the size of the object.
+        max_off_surface: f64 = 0.05, unit "", range 0.0..=1000.0;
         /// Time for which the modes still ring after the end of the last force.
         tail: f64 = 3.0, unit "s", range 0.0..=3600.0;
     }
@@ -73,12 +81,16 @@ ports! {
             modes: Value<Modes>,
             /// Factor of the dampings over time.
             damping: Option<Stream<f32>>,
-            /// Dampings in 1/s that add to those of the modes over time, as from `ContactDamping`: decay rates of the amplitude.
+            /// Decay rates of the amplitude in 1/s that add to those of the modes over time.
             added_damping: Option<Stream<f32>>,
             /// Shapes of the modes, for contact points that move.
             shapes: Option<Value<ModeShapes>>,
             /// Impacts that move their contact points.
             positions: Option<Events<Impact>>,
+            /// Supports of the object, for which `shapes` are needed.
+            supports: Many<Events<Support>>,
+            /// Dampings of a material over time.
+            material: Option<Events<DampingCurve>>,
         }
         out {
             /// The sound, mono.
@@ -102,6 +114,7 @@ pub struct ModalBankNode {
     /// True if a link replaces the number of `damping`.
     linked: bool,
     moving: Option<MovingPoints>,
+    dampings: Dampings,
 }
 
 /// Frequency below which hardly anything is heard, Hz.
@@ -165,20 +178,28 @@ fn mismatches<'a>(
     forces.iter().enumerate().filter_map(beyond_points).chain(wide)
 }
 
-/// Errors for contact points that move without a surface, or on that of another object.
-fn misplaced(shapes: Option<&ModeShapes>, modes: &Modes, moves: bool) -> Option<Reject> {
-    match shapes {
-        None if moves => {
-            let reject =
-                Reject::new("F078", "contact points move on the surface of the object: link `shapes`");
-            Some(reject.at("positions"))
-        }
-        Some(shapes) if shapes.len() != modes.len() => {
-            let message = format!("shapes of {} modes for {} modes", shapes.len(), modes.len());
-            Some(Reject::new("F078", message).at("shapes").help("link both outputs of one ModelModes"))
-        }
-        Some(shapes) => shapes.validate().err().map(|e| Reject::new("F078", e).at("shapes")),
-        None => None,
+/// Errors for shapes of another object.
+pub(in crate::modal) fn misplaced(shapes: &ModeShapes, modes: &Modes) -> Option<Reject> {
+    if shapes.len() != modes.len() {
+        let message = format!("shapes of {} modes for {} modes", shapes.len(), modes.len());
+        return Some(Reject::new("F078", message).at("shapes").help("link both outputs of one ModelModes"));
+    }
+    shapes.validate().err().map(|e| Reject::new("F078", e).at("shapes"))
+}
+
+/// Takes the supports and materials of a range of ticks.
+fn take_events(
+    dampings: &mut Dampings,
+    supports: &Links<'_, Events<Support>>,
+    materials: &[(Tick, DampingCurve)],
+    ticks: Range<Tick>,
+) {
+    if let Some(all) = &mut dampings.supports {
+        supports.each_in_order(ticks.start, ticks.end, |link, _, support| all.take(link.into(), support));
+    }
+    let until = materials.partition_point(|(tick, _)| *tick < ticks.end);
+    if let Some((_, curve)) = materials[..until].last().filter(|(tick, _)| *tick >= ticks.start) {
+        dampings.set_material(curve);
     }
 }
 
@@ -206,6 +227,17 @@ impl Node for ModalBankNode {
         for (k, force) in forces.iter().enumerate() {
             s.check(same_rate(&format!("forces[{k}]"), force.rate, "`forces[0]`", first.rate));
         }
+        for (field, linked) in [
+            ("positions", s.linked(ModalBankPorts::positions)),
+            ("supports", s.linked(ModalBankPorts::supports)),
+        ] {
+            if linked && !s.linked(ModalBankPorts::shapes) {
+                let message = format!("`{field}` are on the surface of the object, which is not known");
+                s.wrong(
+                    Reject::new("F078", message).at(field).help("link `shapes` of a ModelModes to `shapes`"),
+                );
+            }
+        }
         if let Some(modes) = s.value(ModalBankPorts::modes) {
             modes.validate().map_err(reject)?;
             let dampings =
@@ -213,8 +245,7 @@ impl Node for ModalBankNode {
             let moves = s.linked(ModalBankPorts::positions);
             let found: Vec<Reject> = mismatches(p, &forces, named(dampings), &modes, moves).collect();
             let shapes = s.optional_value(ModalBankPorts::shapes);
-            let known = shapes.is_some() || !s.linked(ModalBankPorts::shapes);
-            let misplaced = misplaced(shapes.as_deref(), &modes, moves).filter(|_| known);
+            let misplaced = shapes.and_then(|shapes| misplaced(&shapes, &modes));
             found.into_iter().chain(misplaced).for_each(|found| s.wrong(found));
             let dropped =
                 Bank::culled(&modes, first.rate.as_f64(), p.output, p.cull).map_err(reject)?.dropped();
@@ -248,7 +279,7 @@ impl Node for ModalBankNode {
         let linked = dampings[0].is_some();
         let shapes = cx.optional_value(ModalBankPorts::shapes);
         modes.validate().map_err(reject)?;
-        let misplaced = misplaced(shapes.as_deref(), &modes, false);
+        let misplaced = shapes.as_ref().and_then(|shapes| misplaced(shapes, &modes));
         if let Some(found) =
             mismatches(p, &forces, named(dampings), &modes, shapes.is_some()).chain(misplaced).next()
         {
@@ -264,7 +295,9 @@ impl Node for ModalBankNode {
         let unit = unit(&modes, p.reference).map_err(reject)?;
         let gain = Gain::new(factor(p, unit), ramp_frames(rate), 1);
         let per_sample = (1.0 / rate.as_f64()) as f32;
+        let supports = shapes.clone().map(|shapes| Supports::new(shapes, p.max_off_surface));
         let moving = shapes.map(|shapes| MovingPoints::new(shapes, bank.points()));
+        let dampings = Dampings::new(&modes, supports);
         let mut node = Self {
             bank,
             gain,
@@ -275,6 +308,7 @@ impl Node for ModalBankNode {
             modes: modes.len(),
             linked,
             moving,
+            dampings,
         };
         node.set_floor();
         Ok(node)
@@ -286,22 +320,24 @@ impl Node for ModalBankNode {
         let out = io.audio.items();
         let mut moves =
             io.positions.as_ref().map_or(&[][..], |positions| positions.events()).iter().peekable();
+        let materials = io.material.as_ref().map_or(&[][..], |material| material.events());
+        // Events before this tick have been taken.
+        let mut taken = Tick::MIN;
         let mut at = 0;
         while at < out.len() {
             let index = first + at as i64;
             if self.bank.at_grid() {
                 let now = self.rate.tick(index);
+                take_events(&mut self.dampings, &io.supports, materials, taken..now + 1);
+                taken = now + 1;
                 // The latest one, or the one before the window.
                 let latest = |damping: &In<'_, f32>| {
                     let item = damping.rate().first_at(now + 1) - 1 - damping.first();
                     item.max(-1) as isize
                 };
-                if let Some(damping) = &io.damping {
-                    self.bank.damp(damping.item(latest(damping)));
-                }
-                if let Some(damping) = &io.added_damping {
-                    self.bank.add_damping(damping.item(latest(damping)));
-                }
+                let factors = io.damping.as_ref().map(|damping| damping.item(latest(damping)));
+                let added = io.added_damping.as_ref().map(|added| added.item(latest(added)));
+                self.dampings.apply(&mut self.bank, factors, added, GRID as f64 / self.rate.as_f64());
             }
             let mut n = self.bank.until_grid().min(out.len() - at);
             while let Some((tick, impact)) = moves.peek() {
@@ -329,6 +365,7 @@ impl Node for ModalBankNode {
             self.bank.advance(&mut out[at..at + n]);
             at += n;
         }
+        take_events(&mut self.dampings, &io.supports, materials, taken..Tick::MAX);
         self.gain.process(out);
         Ok(())
     }
@@ -344,11 +381,13 @@ impl Node for ModalBankNode {
         if self.bank.diverged() > 0 {
             summary.push(("modes_stopped_that_grew_beyond_bounds", self.bank.diverged().into()));
         }
+        let warning = self.dampings.supports.as_ref().and_then(Supports::warning);
+        summary.extend(warning.map(|text| ("warning", text.into())));
         Ok(summary)
     }
 
     fn retune(&mut self, new: &ModalBankParams) -> Retune {
-        let fixed = |p: &ModalBankParams| (p.tail, p.cull, p.output, p.reference);
+        let fixed = |p: &ModalBankParams| (p.tail, p.cull, p.output, p.reference, p.max_off_surface);
         if new.points != self.params.points || fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }
@@ -366,9 +405,10 @@ impl Node for ModalBankNode {
         if let (Some(moving), Some(old)) = (&mut self.moving, &old.moving) {
             moving.take_state(&mut self.bank, old);
         }
+        self.dampings.take_state(&old.dampings);
     }
 
-    archive_state!(bank, gain, each moving);
+    archive_state!(bank, gain, each moving, dampings);
 
     fn trial(rng: &mut Rng) -> (ModalBankParams, MemoryFiles) {
         let params = ModalBankParams::trial(rng);

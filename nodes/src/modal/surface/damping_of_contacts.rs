@@ -6,31 +6,24 @@ use super::mode_shapes::SurfaceView;
 /// How a contact damps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactLaw {
-    /// Damping coefficient of the contact per normal force, s/m.
-    pub kappa: f64,
+    /// Damping coefficient along the normal, N s/m.
+    pub coefficient: f64,
     /// Tangential damping relative to the normal one.
     pub mu: f64,
 }
 
 impl ContactLaw {
-    /// Adds the decay rates in 1/s that a contact with a normal force in N adds to each mode: half of the diagonal of the damping matrix,
-    /// `G_ii / 2 = kappa force (mu |phi_i|^2 + (1 - mu) (n . phi_i)^2) / 2`.
+    /// Adds the decay rates in 1/s that a contact adds to each mode: half of the diagonal of the damping matrix,
+    /// `G_ii / 2 = coefficient (mu |phi_i|^2 + (1 - mu) (n . phi_i)^2) / 2`.
     ///
     /// # Source
     /// Sterling et al. (IEEE TVCG 25(5), 2019), equation 21, after Zheng and James, "Toward high-quality modal contact sound" (ACM TOG
-    /// 30(4), 2011). The equation has the force itself as the coefficient; a damping coefficient in N s/m needs `kappa`.
+    /// 30(4), 2011). The equation has the normal force as the coefficient; one in N s/m is the force times a constant of the material in s/m.
     ///
     /// # Complexity
     /// O(modes).
-    pub fn add(
-        self,
-        surface: SurfaceView<'_>,
-        contact: &Contact,
-        force: f64,
-        scratch: &mut [f64],
-        rates: &mut [f64],
-    ) {
-        let half = 0.5 * self.kappa * force;
+    pub fn add(self, surface: SurfaceView<'_>, contact: &Contact, scratch: &mut [f64], rates: &mut [f64]) {
+        let half = 0.5 * self.coefficient;
         let modes = surface.modes;
         let Some((along, shape)) = scratch.split_at_mut_checked(modes) else { return };
         along.fill(0.0);
@@ -57,10 +50,10 @@ mod tests {
     use crate::core::random::Rng;
     use crate::modal::surface::mode_shapes::ModeShapes;
 
-    fn rates(law: ContactLaw, shapes: &ModeShapes, direction: [f64; 3], force: f64) -> Vec<f64> {
+    fn rates(law: ContactLaw, shapes: &ModeShapes, direction: [f64; 3]) -> Vec<f64> {
         let contact = Contact { vertices: [0, 1, 2], weights: [0.2, 0.3, 0.5], direction };
         let (mut scratch, mut rates) = (vec![0.0; 2 * shapes.len()], vec![0.0; shapes.len()]);
-        law.add(shapes.surface(), &contact, force, &mut scratch, &mut rates);
+        law.add(shapes.surface(), &contact, &mut scratch, &mut rates);
         rates
     }
 
@@ -72,8 +65,8 @@ mod tests {
             let raw = [0.0; 3].map(|_| rng.between(-1.0, 1.0));
             let length = raw.iter().map(|x| x * x).sum::<f64>().sqrt();
             let n = raw.map(|x| x / length);
-            let (mu, force) = (rng.between(0.0, 1.5), rng.between(0.0, 10.0));
-            let found = rates(ContactLaw { kappa: 0.5, mu }, &shapes, n, force);
+            let (mu, coefficient) = (rng.between(0.0, 1.5), rng.between(0.0, 10.0));
+            let found = rates(ContactLaw { coefficient, mu }, &shapes, n);
             for (mode, rate) in found.iter().enumerate() {
                 let phi: Vec<f64> = (0..3)
                     .map(|axis| {
@@ -89,13 +82,13 @@ mod tests {
                         product += x * entry * y;
                     }
                 }
-                let expected = 0.5 * 0.5 * force * product;
+                let expected = 0.5 * coefficient * product;
                 assert!((rate - expected).abs() < 1e-12 * (1.0 + expected) && *rate >= 0.0);
             }
-            let twice = rates(ContactLaw { kappa: 0.5, mu }, &shapes, n, 2.0 * force);
+            let twice = rates(ContactLaw { coefficient: 2.0 * coefficient, mu }, &shapes, n);
             assert!(
                 twice.iter().zip(&found).all(|(a, b)| (a - 2.0 * b).abs() < 1e-12 * (1.0 + a)),
-                "linear in force"
+                "linear in the coefficient"
             );
         }
     }
@@ -103,8 +96,8 @@ mod tests {
     #[test]
     fn without_a_difference_of_directions_the_normal_does_not_matter() {
         let shapes = ModeShapes::trial(&mut Rng::new(9));
-        let law = ContactLaw { kappa: 0.5, mu: 1.0 };
-        let (a, b) = (rates(law, &shapes, [1.0, 0.0, 0.0], 3.0), rates(law, &shapes, [0.0, 0.6, 0.8], 3.0));
+        let law = ContactLaw { coefficient: 0.5, mu: 1.0 };
+        let (a, b) = (rates(law, &shapes, [1.0, 0.0, 0.0]), rates(law, &shapes, [0.0, 0.6, 0.8]));
         assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12 * (1.0 + a)));
     }
 }

@@ -1,14 +1,17 @@
 //! Decay times of modes under supports, as a node.
 
+use super::mode_shapes::ModeShapes;
+use super::support::{Support, Supports};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{OutPath, Text};
-use crate::core::ports::{Stream, Value};
+use crate::core::ports::{Events, Many, Value};
 use crate::core::random::Rng;
-use crate::core::shape::{Build, Ends, Shape};
-use crate::core::time::{Rate, ticks};
+use crate::core::shape::{Build, Shape};
+use crate::core::time::{Tick, ticks};
 use crate::io::text_output::TextOutput;
+use crate::modal::bank::modal_bank::misplaced;
 use crate::modal::mode::modes::Modes;
 use crate::plot::{Axis, Line, chart};
 use crate::{archive_state, params, ports};
@@ -16,7 +19,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 params! {
-    /// Decay times of each mode at given times, under the damping that supports add: `T60 = ln(1000) / (d + added)`.
+    /// Decay times of each mode at given times, under the damping that supports add: `T60 = ln(1000) / (d + G / 2)`.
     ///
     /// The summary prints the median of each time, the table lists every mode, and the figure shows them over frequency.
     ///
@@ -27,6 +30,8 @@ params! {
         times: Vec<f64>, unit "s", range 0.0..=86_400.0;
         /// A name for each.
         names: Vec<Text> = Vec::new();
+        /// Maximum distance of a support from the surface, relative to the size of the object.
+        max_off_surface: f64 = 0.05, unit "", range 0.0..=1000.0;
         /// CSV with a line per mode.
         table: Option<OutPath> = None;
         /// SVG of the decay times over frequency.
@@ -38,8 +43,10 @@ ports! {
         in {
             /// The modes.
             modes: Value<Modes>,
-            /// Decay rates in 1/s that add to those of the modes, from `ContactDamping`.
-            damping: Stream<f32>,
+            /// Their shapes on the surface.
+            shapes: Value<ModeShapes>,
+            /// The supports, from `ContactDamping`.
+            supports: Many<Events<Support>>,
         }
         out {}
     }
@@ -53,10 +60,13 @@ const SIXTY_DB: f64 = 6.907_755_278_982_137;
 pub struct ModeDecayTimes {
     modes: Arc<Modes>,
     names: Vec<String>,
-    /// Index of the item at each time.
-    items: Vec<i64>,
-    /// Added dampings at each time; empty if it lies beyond the end.
-    added: Vec<Vec<f32>>,
+    /// Times in order, as ticks, with the index of each.
+    times: Vec<(Tick, usize)>,
+    /// Number of these whose dampings are known.
+    passed: usize,
+    supports: Supports,
+    /// Added decay rates at each time, 1/s; empty before it.
+    added: Vec<Vec<f64>>,
     table: Option<TextOutput>,
     figure: Option<TextOutput>,
 }
@@ -76,9 +86,18 @@ fn check(p: &ModeDecayTimesParams) -> Result<(), Reject> {
 impl ModeDecayTimes {
     /// Decay time of a mode at a time, s.
     fn decay_time(&self, time: usize, mode: usize) -> Option<f64> {
-        let added = &self.added[time];
-        let added = added.get(mode).or(added.first())?;
-        Some(SIXTY_DB / (self.modes.dampings[mode] + f64::from(*added)))
+        let added = self.added[time].get(mode)?;
+        Some(SIXTY_DB / (self.modes.dampings[mode] + added))
+    }
+
+    /// Reads the dampings at the times before a tick.
+    fn pass(&mut self, tick: Tick) {
+        while let Some((time, index)) = self.times.get(self.passed)
+            && *time < tick
+        {
+            self.added[*index] = self.supports.target().to_vec();
+            self.passed += 1;
+        }
     }
 
     fn table(&self) -> String {
@@ -121,31 +140,28 @@ impl Node for ModeDecayTimes {
 
     fn shape(p: &ModeDecayTimesParams, s: &mut Shape<'_, '_, ModeDecayTimesPorts>) -> Result<(), Reject> {
         check(p)?;
-        let damping = s.input(ModeDecayTimesPorts::damping);
-        if let Some(modes) = s.value(ModeDecayTimesPorts::modes) {
-            let n = usize::from(damping.format.0);
-            if n != 1 && n != modes.len() {
-                let message = format!("`damping` has {n} channels for {} modes", modes.len());
-                s.wrong(Reject::new("F046", message).at("damping").help("one channel, or one for each mode"));
-            }
+        let known = s.value(ModeDecayTimesPorts::modes).zip(s.value(ModeDecayTimesPorts::shapes));
+        if let Some(reject) = known.and_then(|(modes, shapes)| misplaced(&shapes, &modes)) {
+            s.wrong(reject);
         }
-        if let (Some(end), Some(late)) = (damping.end, p.times.iter().copied().reduce(f64::max))
-            && ticks(late) >= end
-        {
-            s.note(format!("the damping ends before {late} s: its last values count"));
-        }
-        s.when_ended(ModeDecayTimesPorts::damping, Ends::Hold);
         Ok(())
     }
 
     fn build(p: &ModeDecayTimesParams, cx: &Build<'_>) -> Result<Self, Fault> {
         check(p)?;
-        let rate: Rate = cx.input(ModeDecayTimesPorts::damping).rate;
+        let (modes, shapes) = (cx.value(ModeDecayTimesPorts::modes), cx.value(ModeDecayTimesPorts::shapes));
+        if let Some(reject) = misplaced(&shapes, &modes) {
+            return Err(reject.into());
+        }
+        let mut times: Vec<(Tick, usize)> = p.times.iter().map(|t| ticks(*t)).zip(0..).collect();
+        times.sort_unstable();
         let name = |k: usize| p.names.get(k).map_or_else(|| format!("at {} s", p.times[k]), |n| n.0.clone());
         Ok(Self {
-            modes: cx.value(ModeDecayTimesPorts::modes),
+            modes,
             names: (0..p.times.len()).map(name).collect(),
-            items: p.times.iter().map(|t| rate.first_at(ticks(*t))).collect(),
+            times,
+            passed: 0,
+            supports: Supports::new(shapes, p.max_off_surface),
             added: vec![Vec::new(); p.times.len()],
             table: TextOutput::open(cx, "table", p.table.as_ref())?,
             figure: TextOutput::open(cx, "figure", p.figure.as_ref())?,
@@ -153,22 +169,15 @@ impl Node for ModeDecayTimes {
     }
 
     fn run(&mut self, io: ModeDecayTimesIo<'_>) -> Result<(), Fault> {
-        let (first, width) = (io.damping.first(), io.damping.width().max(1));
-        let items = io.damping.items();
-        let count = (items.len() / width) as i64;
-        for (item, added) in self.items.iter().zip(&mut self.added) {
-            // The latest item up to the time, for a damping that ends before it.
-            let index = (item - first).min(count - 1);
-            if index >= 0 && *item >= first {
-                let at = index as usize * width;
-                added.clear();
-                added.extend_from_slice(&items[at..at + width]);
-            }
-        }
+        io.supports.each_in_order(Tick::MIN, Tick::MAX, |link, tick, support| {
+            self.pass(tick);
+            self.supports.take(link.into(), support);
+        });
         Ok(())
     }
 
     fn finish(&mut self, _: ModeDecayTimesIo<'_>) -> Result<Summary, Fault> {
+        self.pass(Tick::MAX);
         let mut summary: Summary = vec![("modes", self.modes.len().into())];
         let medians: Vec<String> = (0..self.names.len())
             .map(|time| {
@@ -186,16 +195,18 @@ impl Node for ModeDecayTimes {
                 file.write(&text, &mut summary)?;
             }
         }
+        summary.extend(self.supports.warning().map(|text| ("warning", text.into())));
         Ok(summary)
     }
 
-    archive_state!(added);
+    archive_state!(passed, supports, added);
 
     fn trial(rng: &mut Rng) -> (ModeDecayTimesParams, MemoryFiles) {
         let count = 1 + rng.below(3);
         let times = (0..count).map(|_| rng.between(0.0, 1.5)).collect();
         let names = (0..if rng.below(2) == 0 { 0 } else { count }).map(|k| Text(format!("{k}"))).collect();
-        (ModeDecayTimesParams { times, names, table: None, figure: None }, MemoryFiles::default())
+        let params = ModeDecayTimesParams { times, names, max_off_surface: 50.0, table: None, figure: None };
+        (params, MemoryFiles::default())
     }
 }
 
@@ -203,33 +214,42 @@ impl Node for ModeDecayTimes {
 mod tests {
     use super::*;
     use crate::core::files::MemoryOutputs;
-    use crate::core::item::Channels;
-    use crate::core::standalone::Standalone;
+    use crate::core::item::Data;
+    use crate::core::standalone::{Feed, Standalone};
 
     #[test]
     fn the_table_has_the_decay_time_of_each_mode_at_each_time() {
         let modes = Modes::new("bowl", vec![100.0, 200.0], vec![2.0, 4.0], vec![1.0; 2]).unwrap();
-        // At 10 Hz: no damping, then 1 and 3 1/s from 0.5 s on.
-        let damping: Vec<f32> = (0..10).flat_map(|k| if k < 5 { [0.0, 0.0] } else { [1.0, 3.0] }).collect();
+        // All displacements of the first mode are (1, 0, 0), and those of the second (0, 0, 1).
+        let shapes = ModeShapes {
+            shapes: [1.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(4),
+            gains: vec![1.0; 2],
+            ..ModeShapes::trial(&mut Rng::new(1))
+        };
+        // On the face z = 0: half of 4 (mu |phi|^2 + (1 - mu) (n phi)^2) is 1 and 2 1/s.
+        let support = Support { id: 1, local: [0.02, 0.02, 0.0], coefficient: 4.0, mu: 0.5, release: 0.1 };
+        let events = vec![(ticks(0.5), support), (ticks(0.8), Support { coefficient: 0.0, ..support })];
         let params = ModeDecayTimesParams {
-            times: vec![0.2, 0.7],
-            names: vec![Text("free".into()), Text("gripped".into())],
+            times: vec![0.7, 0.2, 5.0],
+            names: ["gripped", "free", "again"].map(|n| Text(n.into())).to_vec(),
+            max_off_surface: 0.05,
             table: Some(OutPath("t.csv".into())),
             figure: Some(OutPath("t.svg".into())),
         };
         let mut standalone = Standalone::new::<ModeDecayTimes>(params)
             .value(ModeDecayTimesPorts::modes, modes)
-            .input(ModeDecayTimesPorts::damping, Rate::hz(10), Channels(2), damping);
+            .value(ModeDecayTimesPorts::shapes, shapes)
+            .feed(ModeDecayTimesPorts::supports.index(), Feed::events(events, ticks(1.0)));
         standalone.outputs = MemoryOutputs::default();
         let outputs = standalone.outputs.clone();
         let run = standalone.window(ticks(0.13)).run().unwrap();
         let table = String::from_utf8(outputs.get("t.csv").unwrap()).unwrap();
         assert_eq!(
             table,
-            "mode,frequency_hz,t60_s free,t60_s gripped\n0,100.000,3.45388,2.30259\n1,200.000,1.72694,0.98682\n"
+            "mode,frequency_hz,t60_s gripped,t60_s free,t60_s again\n0,100.000,2.30259,3.45388,3.45388\n1,200.000,1.15129,1.72694,1.72694\n"
         );
         assert!(String::from_utf8(outputs.get("t.svg").unwrap()).unwrap().contains("gripped"));
         let text = format!("{:?}", run.summary);
-        assert!(text.contains("free 3.454 s, gripped 2.303 s"), "{text}");
+        assert!(text.contains("gripped 2.303 s, free 3.454 s"), "{text}");
     }
 }
