@@ -107,6 +107,22 @@ pub(super) fn write_whole(path: &std::path::Path, text: &str) -> anyhow::Result<
     outputs.commit().with_context(|| path.display().to_string())
 }
 
+/// One figure of a summary as text; numbers with four digits.
+fn figure(key: &str, value: &serde_json::Value) -> String {
+    match value {
+        serde_json::Value::String(text) => format!("{key} {text}"),
+        serde_json::Value::Number(number) => match number.as_f64().filter(|_| number.is_f64()) {
+            Some(x) if x != 0.0 && x.abs() < 0.001 => format!("{key} {x:.3e}"),
+            Some(x) => {
+                let digits = (3.0 - x.abs().max(1.0).log10().floor()).max(0.0) as usize;
+                format!("{key} {x:.digits$}")
+            }
+            None => format!("{key} {number}"),
+        },
+        other => format!("{key} {other}"),
+    }
+}
+
 fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
     let mut out = console::stdout();
     for (id, note) in report.warnings() {
@@ -128,6 +144,13 @@ fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
             write!(out, ", {clipped} samples clipped: lower the level, or write Float32")?;
         }
         writeln!(out)?;
+    }
+    // What nodes measured that only measure.
+    for node in report.nodes.iter().filter(|n| n.sink && !n.summary.contains_key("path")) {
+        let figures: Vec<String> = node.summary.iter().map(|(key, value)| figure(key, value)).collect();
+        if !figures.is_empty() {
+            writeln!(out, "{}: {}", node.id, figures.join(", "))?;
+        }
     }
     for path in ready.taps.iter().filter_map(Tap::path) {
         writeln!(out, "wrote {}", path.display())?;

@@ -1,5 +1,6 @@
 use super::*;
-use crate::core::standalone::Standalone;
+use crate::core::item::AnyValue;
+use crate::core::standalone::{Feed, Standalone};
 
 const FS: u32 = 44_100;
 
@@ -93,4 +94,120 @@ fn the_error_of_left_out_modes_is_near_the_cull_level() {
     }
     assert_eq!((figure(&all, "modes"), figure(&all, "modes_too_weak")), (Some(20.0), None));
     assert_eq!(standalone(params(), 22_050).run().unwrap().stream(ModalBankPorts::audio).len(), sound.len());
+}
+
+/// One mode of 500 Hz on a tetrahedron, whose vertices move along z by 1, 2, 3 and 4.
+fn one_mode() -> (Modes, ModeShapes) {
+    let modes = Modes::new("one", vec![500.0], vec![2.0], vec![1.0]).unwrap();
+    let shapes = (1..=4).flat_map(|k| [0.0, 0.0, k as f32]).collect();
+    let shapes = ModeShapes {
+        shapes,
+        gains: vec![1.0],
+        ..<ModeShapes as crate::core::item::Data>::trial(&mut Rng::new(1))
+    };
+    (modes, shapes)
+}
+
+/// The sound of two impulses at two contact points: impulse k at 0.1 (k + 1) s.
+fn struck(positions: Vec<(Tick, Impact)>, supports: Vec<(Tick, Support)>, window: Tick) -> Vec<f32> {
+    let (modes, shapes) = one_mode();
+    let mut force = vec![0.0; 2 * FS as usize];
+    for k in 0..2 {
+        force[2 * (FS as usize / 10 * (k + 1)) + k] = FS as f32;
+    }
+    let p = ModalBankParams {
+        output: BankOutput::Displacement,
+        reference: Reference::Absolute,
+        cull: -300.0,
+        ..params()
+    };
+    let standalone = Standalone::new::<ModalBankNode>(p)
+        .also(ModalBankPorts::forces, Rate::hz(FS), Channels(2), force)
+        .value(ModalBankPorts::modes, modes)
+        .feed(ModalBankPorts::shapes.index(), Feed::value(AnyValue::new(shapes)))
+        .feed(ModalBankPorts::positions.index(), Feed::events(positions, ticks(1.0)))
+        .feed(ModalBankPorts::supports.index(), Feed::events(supports, ticks(1.0)));
+    standalone.window(window).run().unwrap().stream(ModalBankPorts::audio)
+}
+
+/// Amplitude around a time, over ten periods.
+fn amplitude(sound: &[f32], time: f64) -> f64 {
+    let at = (time * f64::from(FS)) as usize;
+    rms(&sound[at..at + FS as usize / 50]) * std::f64::consts::SQRT_2
+}
+
+#[test]
+fn contact_points_move_to_the_positions_of_impacts() {
+    let at = |time: f64, point: u32, local: [f32; 3]| {
+        let body = crate::modal::Body { mass: 0.1, restitution: 0.0 };
+        (ticks(time), Impact { point, local, ..Impact::from_velocity(1.0, body) })
+    };
+    // Slightly below the face z = 0, near vertices 0 and 2; the inward normal there is z.
+    let positions = vec![at(0.1, 0, [1e-6, 1e-6, -1e-6]), at(0.2, 1, [1e-6, 0.0999, -1e-6])];
+    let sound = struck(positions.clone(), Vec::new(), ticks(0.02));
+    let first = amplitude(&sound, 0.15) * (2.0_f64 * 0.06).exp();
+    assert!((first - 1.0).abs() < 0.01, "{first}");
+    // Both, in phase: 100 ms are 50 periods.
+    let both = amplitude(&sound, 0.25) * (2.0_f64 * 0.06).exp();
+    assert!((both - (2.997 + (-0.2_f64).exp())).abs() < 0.03, "{both}");
+    for window in [Rate::hz(FS).span(1), Rate::hz(FS).span(77), ticks(1.0)] {
+        assert_eq!(struck(positions.clone(), Vec::new(), window), sound);
+    }
+}
+
+#[test]
+fn a_grip_changes_the_decay_to_half_of_the_sum_of_dampings_without_a_step() {
+    let body = crate::modal::Body { mass: 0.1, restitution: 0.0 };
+    let hit = Impact { local: [0.0, 0.0999, -1e-6], ..Impact::from_velocity(1.0, body) };
+    // At vertex 0 on the face z = 0: G / 2 = 20 / 2 * 1^2 along the normal.
+    let grip = Support { id: 5, local: [1e-6, 1e-6, 0.0], coefficient: 20.0, mu: 0.5, release: 0.005 };
+    let supports = vec![(ticks(0.5), grip), (ticks(0.8), Support { coefficient: 0.0, ..grip })];
+    let sound = struck(vec![(ticks(0.1), hit)], supports.clone(), ticks(0.02));
+    let decay = |a: f64, b: f64| (amplitude(&sound, a) / amplitude(&sound, b)).ln() / (b - a);
+    for (found, expected) in [(decay(0.3, 0.45), 2.0), (decay(0.51, 0.77), 12.0), (decay(0.82, 0.96), 2.0)] {
+        assert!((found / expected - 1.0).abs() < 0.02, "{found} for {expected}");
+    }
+    // The largest difference of neighbouring samples is that of the mode itself.
+    let steps = |a: f64, b: f64| {
+        let range = (a * f64::from(FS)) as usize..(b * f64::from(FS)) as usize;
+        sound[range].windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max)
+    };
+    assert!(steps(0.5, 0.51) <= steps(0.49, 0.5), "{} {}", steps(0.5, 0.51), steps(0.49, 0.5));
+    for window in [Rate::hz(FS).span(1), Rate::hz(FS).span(77), ticks(1.0)] {
+        assert_eq!(struck(vec![(ticks(0.1), hit)], supports.clone(), window), sound);
+    }
+}
+
+#[test]
+fn a_material_replaces_the_damping_while_the_mode_rings() {
+    let curve = DampingCurve::new(|_| 8.0);
+    let mut force = vec![0.0; FS as usize];
+    force[0] = FS as f32;
+    let p = ModalBankParams { output: BankOutput::Displacement, reference: Reference::Absolute, ..params() };
+    let standalone = Standalone::new::<ModalBankNode>(p)
+        .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), force)
+        .value(ModalBankPorts::modes, one_mode().0)
+        .feed(ModalBankPorts::material.index(), Feed::events(vec![(ticks(0.4), curve)], ticks(1.0)));
+    let sound = standalone.window(ticks(0.02)).run().unwrap().stream(ModalBankPorts::audio);
+    let decay = |a: f64, b: f64| (amplitude(&sound, a) / amplitude(&sound, b)).ln() / (b - a);
+    assert!((decay(0.1, 0.36) / 2.0 - 1.0).abs() < 0.02 && (decay(0.42, 0.9) / 8.0 - 1.0).abs() < 0.02);
+}
+
+#[test]
+fn positions_and_supports_need_shapes_of_the_same_object() {
+    let (modes, shapes) = one_mode();
+    let standalone = |shapes: Option<ModeShapes>| {
+        let mut all = Standalone::new::<ModalBankNode>(params())
+            .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), vec![0.0; 10])
+            .value(ModalBankPorts::modes, modes.clone())
+            .feed(ModalBankPorts::supports.index(), Feed::events(Vec::<(Tick, Support)>::new(), 1));
+        if let Some(shapes) = shapes {
+            all = all.feed(ModalBankPorts::shapes.index(), Feed::value(AnyValue::new(shapes)));
+        }
+        all.shape().err().map(|reject| reject.message)
+    };
+    assert!(standalone(None).unwrap().contains("`supports` are on the surface"));
+    let other = ModeShapes { shapes: vec![0.0; 24], gains: vec![1.0; 2], ..shapes.clone() };
+    assert!(standalone(Some(other)).unwrap().contains("shapes of 2 modes for 1 modes"));
+    assert_eq!(standalone(Some(shapes)), None);
 }
