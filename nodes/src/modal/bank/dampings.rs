@@ -1,9 +1,11 @@
 //! Dampings of a bank that change while it sounds.
 
+use super::kernel::GRID;
 use super::resonators::Bank;
 use crate::impl_state;
 use crate::modal::mode::damping_curve::DampingCurve;
 use crate::modal::mode::modes::Modes;
+use crate::modal::surface::coupling::Coupling;
 use crate::modal::surface::support::Supports;
 
 /// What changes the dampings of the modes of an object: a material, factors over time, and supports.
@@ -65,12 +67,23 @@ impl Dampings {
         match (&mut self.supports, added) {
             (None, None) => {}
             (None, Some(added)) => bank.add_damping(added),
+            (Some(supports), added) if supports.coupling().is_some() => {
+                supports.advance_coupling(step, step / GRID as f64);
+                if let Some(added) = added {
+                    bank.add_damping(added);
+                }
+            }
             (Some(supports), added) => {
                 self.added.copy_from_slice(supports.advance(step));
                 each(&mut self.added, added.unwrap_or(&[0.0]), |sum, x| *sum += x.max(0.0));
                 bank.add_damping(&self.added);
             }
         }
+    }
+
+    /// Changes of the velocities by supports in each sample, if modes are coupled and there are any.
+    pub fn coupling(&self) -> Option<&[f32]> {
+        self.supports.as_ref().and_then(Supports::coupling).and_then(Coupling::change)
     }
 
     pub fn take_state(&mut self, old: &Self) {

@@ -18,10 +18,22 @@ use crate::dsp::{Gain, Reference, db_to_linear, linear_to_db, ramp_frames};
 use crate::modal::impact::event::Impact;
 use crate::modal::mode::damping_curve::DampingCurve;
 use crate::modal::mode::modes::Modes;
+use crate::modal::surface::coupling::MAX_COUPLED;
 use crate::modal::surface::mode_shapes::ModeShapes;
 use crate::modal::surface::support::{Support, Supports};
-use crate::{archive_state, params, ports};
+use crate::{archive_state, choices, params, ports};
 use std::ops::Range;
+
+choices! {
+    /// Part of the damping matrix of supports that counts.
+    pub enum SupportCoupling {
+        /// Its diagonal: each mode is damped by itself.
+        Diagonal,
+        /// All of it: modes exchange energy at supports, for at most 64 modes. A pair of modes of a round object then decays as the two
+        /// combinations that move at a support and that do not.
+        Full,
+    }
+}
 
 params! {
     /// Rings the modes of an object under forces.
@@ -66,6 +78,8 @@ params! {
         floor: f64 = -140.0, unit "dB", range -300.0..=-60.0;
         /// Gain relative to the strongest mode below which a mode is left out.
         cull: f64 = -80.0, unit "dB", range -300.0..=0.0;
+        /// Coupling of modes by supports.
+        coupling: SupportCoupling = SupportCoupling::Diagonal;
         /// Maximum distance of a support from the surface, relative to the size of the object.
         max_off_surface: f64 = 0.05, unit "", range 0.0..=1000.0;
         /// Time for which the modes still ring after the end of the last force.
@@ -115,6 +129,8 @@ pub struct ModalBankNode {
     linked: bool,
     moving: Option<MovingPoints>,
     dampings: Dampings,
+    /// Scratch space, one number per mode.
+    velocities: Vec<f32>,
 }
 
 /// Frequency below which hardly anything is heard, Hz.
@@ -187,6 +203,14 @@ pub(in crate::modal) fn misplaced(shapes: &ModeShapes, modes: &Modes) -> Option<
     shapes.validate().err().map(|e| Reject::new("F078", e).at("shapes"))
 }
 
+/// The error for more modes than can be coupled.
+fn too_many(p: &ModalBankParams, modes: &Modes) -> Option<Reject> {
+    (p.coupling == SupportCoupling::Full && modes.len() > MAX_COUPLED).then(|| {
+        let message = format!("{} modes; at most {MAX_COUPLED} can be coupled", modes.len());
+        Reject::new("F078", message).at("coupling").help("leave modes out: `top` of ModelModes")
+    })
+}
+
 /// Takes the supports and materials of a range of ticks.
 fn take_events(
     dampings: &mut Dampings,
@@ -245,7 +269,8 @@ impl Node for ModalBankNode {
             let moves = s.linked(ModalBankPorts::positions);
             let found: Vec<Reject> = mismatches(p, &forces, named(dampings), &modes, moves).collect();
             let shapes = s.optional_value(ModalBankPorts::shapes);
-            let misplaced = shapes.and_then(|shapes| misplaced(&shapes, &modes));
+            let misplaced =
+                shapes.and_then(|shapes| misplaced(&shapes, &modes).or_else(|| too_many(p, &modes)));
             found.into_iter().chain(misplaced).for_each(|found| s.wrong(found));
             let dropped =
                 Bank::culled(&modes, first.rate.as_f64(), p.output, p.cull).map_err(reject)?.dropped();
@@ -279,7 +304,8 @@ impl Node for ModalBankNode {
         let linked = dampings[0].is_some();
         let shapes = cx.optional_value(ModalBankPorts::shapes);
         modes.validate().map_err(reject)?;
-        let misplaced = shapes.as_ref().and_then(|shapes| misplaced(shapes, &modes));
+        let misplaced =
+            shapes.as_ref().and_then(|shapes| misplaced(shapes, &modes).or_else(|| too_many(p, &modes)));
         if let Some(found) =
             mismatches(p, &forces, named(dampings), &modes, shapes.is_some()).chain(misplaced).next()
         {
@@ -296,8 +322,10 @@ impl Node for ModalBankNode {
         let gain = Gain::new(factor(p, unit), ramp_frames(rate), 1);
         let per_sample = (1.0 / rate.as_f64()) as f32;
         let supports = shapes.clone().map(|shapes| Supports::new(shapes, p.max_off_surface));
+        let supports = supports.map(|s| if p.coupling == SupportCoupling::Full { s.coupled() } else { s });
         let moving = shapes.map(|shapes| MovingPoints::new(shapes, bank.points()));
         let dampings = Dampings::new(&modes, supports);
+        let velocities = vec![0.0; modes.len()];
         let mut node = Self {
             bank,
             gain,
@@ -309,6 +337,7 @@ impl Node for ModalBankNode {
             linked,
             moving,
             dampings,
+            velocities,
         };
         node.set_floor();
         Ok(node)
@@ -351,6 +380,8 @@ impl Node for ModalBankNode {
                 }
                 moves.next();
             }
+            // Coupled modes exchange energy after each sample.
+            n = if self.dampings.coupling().is_some() { 1 } else { n };
             for (k, force) in io.forces.iter().enumerate() {
                 let width = force.width().max(1);
                 let frames = force.items().get(at * width..(at + n) * width).unwrap_or_default();
@@ -363,6 +394,9 @@ impl Node for ModalBankNode {
                 }
             }
             self.bank.advance(&mut out[at..at + n]);
+            if let Some(change) = self.dampings.coupling() {
+                self.bank.couple(change, &mut self.velocities);
+            }
             at += n;
         }
         take_events(&mut self.dampings, &io.supports, materials, taken..Tick::MAX);
@@ -387,7 +421,8 @@ impl Node for ModalBankNode {
     }
 
     fn retune(&mut self, new: &ModalBankParams) -> Retune {
-        let fixed = |p: &ModalBankParams| (p.tail, p.cull, p.output, p.reference, p.max_off_surface);
+        let fixed =
+            |p: &ModalBankParams| (p.tail, p.cull, p.output, p.reference, p.max_off_surface, p.coupling);
         if new.points != self.params.points || fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }

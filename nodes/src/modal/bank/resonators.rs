@@ -260,6 +260,29 @@ impl Bank {
         self.stale |= stale;
     }
 
+    /// Adds to the velocity of each mode a weighted sum of those of all modes.
+    ///
+    /// The velocity is the real part of the state, which is exact up to the damping ratio.
+    ///
+    /// # Shapes
+    /// `change` is `[modes * modes]` of the object, row by row, `scratch` at least as long as the modes.
+    pub fn couple(&mut self, change: &[f32], scratch: &mut [f32]) {
+        let total = self.total;
+        if change.len() != total * total || scratch.len() < total {
+            return;
+        }
+        scratch[..total].fill(0.0);
+        for (k, i) in self.indices.iter().enumerate() {
+            scratch[*i] = self.lanes[k / LANES].re[k % LANES];
+        }
+        for (k, i) in self.indices.iter().enumerate() {
+            let row = &change[i * total..(i + 1) * total];
+            let sum: f32 = row.iter().zip(&*scratch).map(|(a, v)| a * v).sum();
+            self.lanes[k / LANES].re[k % LANES] += sum;
+            self.awake[k / LANES] |= sum != 0.0;
+        }
+    }
+
     /// Moves a contact point to where the modes have other gains, from the next sample.
     ///
     /// # Shapes

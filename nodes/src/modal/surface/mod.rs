@@ -2,6 +2,7 @@
 
 pub mod contact;
 pub mod contact_damping;
+pub mod coupling;
 pub mod damping_of_contacts;
 pub mod impact_projector;
 pub mod mode_decay_times;

@@ -1,5 +1,6 @@
 //! Supports of an object: what it rests on or is gripped by, and the damping that they add to its modes.
 
+use super::coupling::Coupling;
 use super::damping_of_contacts::ContactLaw;
 use super::mode_shapes::ModeShapes;
 use super::surface_index::SurfaceIndex;
@@ -47,6 +48,9 @@ impl Event for Support {
     }
 }
 
+/// A support that is none.
+const NONE: Support = Support { id: 0, local: [0.0; 3], coefficient: 0.0, mu: 0.0, release: 0.0 };
+
 /// Maximum number of supports of one object at a time.
 const ROOM: usize = 64;
 
@@ -61,6 +65,10 @@ pub struct Supports {
     limit: f64,
     /// Current supports, then unused ones: link, id and the decay rates of each.
     all: Vec<(u64, u64, Vec<f64>)>,
+    /// Latest change of each, for the coupling.
+    latest: Vec<Support>,
+    /// The whole damping matrix, if modes are coupled.
+    coupling: Option<Coupling>,
     used: usize,
     /// Decay rates now and at the end of the change, 1/s.
     current: Vec<f32>,
@@ -72,7 +80,7 @@ pub struct Supports {
     far: (u64, f64),
     left_out: u64,
 }
-impl_state!(Supports { all, used, current, target, remaining, far, left_out });
+impl_state!(Supports { all, latest, each coupling, used, current, target, remaining, far, left_out });
 
 impl Supports {
     /// No supports; those farther from the surface than `max_off_surface` times the size of the object will not count.
@@ -84,6 +92,8 @@ impl Supports {
             index,
             limit,
             all: vec![(0, 0, vec![0.0; modes]); ROOM],
+            latest: vec![NONE; ROOM],
+            coupling: None,
             used: 0,
             current: vec![0.0; modes],
             target: vec![0.0; modes],
@@ -108,6 +118,7 @@ impl Supports {
             let Some(k) = known else { return };
             self.used -= 1;
             self.all.swap(k, self.used);
+            self.latest.swap(k, self.used);
         } else {
             let k = known.unwrap_or(self.used);
             let Some((l, id, rates)) = self.all.get_mut(k) else {
@@ -116,11 +127,13 @@ impl Supports {
             };
             (*l, *id) = (link, support.id);
             rates.fill(0.0);
+            self.latest[k] = NONE;
             let surface = self.shapes.surface();
             match self.index.nearest(surface, support.local.map(f64::from)) {
                 Some((contact, distance)) if distance <= self.limit => {
                     let law = ContactLaw { coefficient: support.coefficient.into(), mu: support.mu.into() };
                     law.add(surface, &contact, &mut self.scratch, rates);
+                    self.latest[k] = *support;
                 }
                 Some((_, distance)) => self.far = (self.far.0 + 1, self.far.1.max(distance)),
                 None => {}
@@ -131,7 +144,37 @@ impl Supports {
         for (_, _, rates) in &self.all[..self.used] {
             self.target.iter_mut().zip(rates).for_each(|(sum, rate)| *sum += rate);
         }
+        if let Some(coupling) = &mut self.coupling {
+            coupling.clear();
+            for support in &self.latest[..self.used] {
+                let surface = self.shapes.surface();
+                if let Some((contact, _)) = self.index.nearest(surface, support.local.map(f64::from)) {
+                    coupling.add(surface, &contact, support.coefficient.into(), support.mu.into());
+                }
+            }
+        }
         self.remaining = support.release.into();
+    }
+
+    /// Couples the modes: the whole damping matrix counts, not only its diagonal.
+    #[must_use]
+    pub fn coupled(mut self) -> Self {
+        self.coupling = Some(Coupling::new(&self.shapes.gains));
+        self
+    }
+
+    /// Advances the coupling by `step` seconds, for samples of `interval` seconds; none if modes are not coupled.
+    pub fn advance_coupling(&mut self, step: f64, interval: f64) -> Option<&Coupling> {
+        let coupling = self.coupling.as_mut()?;
+        coupling.advance(if self.remaining > step { step / self.remaining } else { 1.0 }, interval);
+        self.remaining = (self.remaining - step).max(0.0);
+        Some(coupling)
+    }
+
+    /// The coupling, if modes are coupled.
+    #[must_use]
+    pub fn coupling(&self) -> Option<&Coupling> {
+        self.coupling.as_ref()
     }
 
     /// Decay rates that are being approached, 1/s, `[modes]`.
@@ -155,6 +198,10 @@ impl Supports {
         (self.far, self.left_out) = (old.far, old.left_out);
         if old.shapes.len() == self.shapes.len() {
             self.all.clone_from(&old.all);
+            self.latest.copy_from_slice(&old.latest);
+            if let (Some(new), Some(old)) = (&mut self.coupling, &old.coupling) {
+                new.clone_from(old);
+            }
             self.used = old.used;
             self.current.copy_from_slice(&old.current);
             self.target.copy_from_slice(&old.target);

@@ -211,3 +211,45 @@ fn positions_and_supports_need_shapes_of_the_same_object() {
     assert!(standalone(Some(other)).unwrap().contains("shapes of 2 modes for 1 modes"));
     assert_eq!(standalone(Some(shapes)), None);
 }
+
+#[test]
+fn of_a_coupled_pair_only_the_combination_that_moves_at_the_support_is_damped() {
+    let pair = |coupling: SupportCoupling, point: usize| {
+        let modes = Modes::new("pair", vec![500.0; 2], vec![2.0; 2], vec![1.0, 0.0]).unwrap();
+        // Displacements along z: (0.6, 0.8) at vertex 0, the support, and (0.8, -0.6) at vertex 2.
+        let vertex = |a: f32, b: f32| [0.0, 0.0, 0.0, 0.0, a, b];
+        let shapes = [vertex(0.6, 0.8), vertex(0.0, 0.0), vertex(0.8, -0.6), vertex(0.0, 0.0)].concat();
+        let all = ModeShapes { shapes, gains: vec![1.0, 2.0], ..one_mode().1 };
+        let local = [[1e-6, 1e-6, -1e-6], [1e-6, 0.09999, -1e-6]][point];
+        let hit = Impact {
+            local,
+            ..Impact::from_velocity(1.0, crate::modal::Body { mass: 0.1, restitution: 0.0 })
+        };
+        let grip = Support { id: 5, local: [1e-6, 1e-6, 0.0], coefficient: 20.0, mu: 0.0, release: 0.005 };
+        let mut force = vec![0.0; FS as usize];
+        force[FS as usize / 10] = FS as f32;
+        let p = ModalBankParams {
+            output: BankOutput::Displacement,
+            reference: Reference::Absolute,
+            cull: -300.0,
+            coupling,
+            ..params()
+        };
+        let standalone = Standalone::new::<ModalBankNode>(p)
+            .also(ModalBankPorts::forces, Rate::hz(FS), Channels(1), force)
+            .value(ModalBankPorts::modes, modes)
+            .feed(ModalBankPorts::shapes.index(), Feed::value(AnyValue::new(all)))
+            .feed(ModalBankPorts::positions.index(), Feed::events(vec![(ticks(0.1), hit)], ticks(1.0)))
+            .feed(ModalBankPorts::supports.index(), Feed::events(vec![(0, grip)], ticks(1.0)));
+        let sound = standalone.window(ticks(0.013)).run().unwrap().stream(ModalBankPorts::audio);
+        (amplitude(&sound, 0.2) / amplitude(&sound, 0.3)).ln() / 0.1
+    };
+    // G = 20 for the combination that moves at the support: half of it is 10.
+    for (coupling, point, expected) in [(SupportCoupling::Full, 0, 12.0), (SupportCoupling::Full, 1, 2.0)] {
+        let found = pair(coupling, point);
+        assert!((found / expected - 1.0).abs() < 0.02, "{coupling:?} {point}: {found} for {expected}");
+    }
+    // Each by itself: 20 * 0.36 / 2 and 20 * 0.64 / 2.
+    let found = pair(SupportCoupling::Diagonal, 1);
+    assert!((5.0..9.0).contains(&found), "{found}");
+}
