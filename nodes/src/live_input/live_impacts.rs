@@ -117,6 +117,7 @@ mod tests {
     fn encoding_and_decoding_an_impact_changes_nothing() {
         let mut impact = Impact::from_velocity(2.0, Body { mass: 0.2, restitution: 0.5 });
         impact.position = [1.0, -2.0, 0.5];
+        impact.local = impact.position;
         impact.point = 3;
         assert_eq!(impact_from_message(&impact_to_message(&impact).unwrap()), Some(impact));
         assert_eq!(impact_from_message(&Message::new(&[1.0]).unwrap()), None);

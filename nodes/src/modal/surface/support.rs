@@ -268,6 +268,6 @@ mod tests {
         assert!(supports.advance(1.0).iter().all(|x| *x == 0.0));
         assert!(supports.warning().unwrap().contains("m from the surface"));
         (0..100).for_each(|id| supports.take(0, &support(id, 1.0)));
-        assert!(supports.used == ROOM && supports.left_out == 37, "{} {}", supports.used, supports.left_out);
+        assert!(supports.used == ROOM && supports.left_out == 36, "{} {}", supports.used, supports.left_out);
     }
 }
