@@ -30,6 +30,7 @@ pub mod rigid;
 pub mod scrape;
 pub mod solid;
 pub mod spatial;
+pub mod table;
 pub mod tension;
 pub mod texture;
 pub mod unit;

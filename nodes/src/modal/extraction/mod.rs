@@ -15,6 +15,7 @@ mod noise_bands;
 mod noise_floor;
 pub mod onset;
 mod refinement;
+pub mod poles;
 pub mod report;
 pub mod sound_comparison;
 mod subband;
