@@ -27,8 +27,7 @@ impl Axis {
     #[must_use]
     pub fn over(label: impl Into<String>, values: impl Iterator<Item = f64>, log: bool) -> Self {
         let finite = values.filter(|x| x.is_finite() && (!log || *x > 0.0));
-        let (low, high) =
-            finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
         let range = match (low < high, log) {
             (true, true) => [0.9 * low, 1.1 * high],
             (true, false) => [low - 0.03 * (high - low), high + 0.03 * (high - low)],
@@ -253,7 +252,10 @@ pub fn beside(charts: &[String]) -> String {
 pub fn grid(charts: &[String], columns: usize) -> String {
     let [width, height] = SIZE;
     let columns = columns.max(1);
-    let total = [width * columns.min(charts.len().max(1)) as f64, height * charts.len().div_ceil(columns).max(1) as f64];
+    let total = [
+        width * columns.min(charts.len().max(1)) as f64,
+        height * charts.len().div_ceil(columns).max(1) as f64,
+    ];
     let mut svg =
         format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\">\n", total[0], total[1]);
     for (k, chart) in charts.iter().enumerate() {

@@ -115,7 +115,9 @@ impl Func for FitComparison {
 
     fn check(_: &FitComparisonParams, s: &mut Shape<'_, '_, FitComparisonPorts>) -> Result<(), Reject> {
         if !s.linked(FitComparisonPorts::points) {
-            s.wrong(Reject::new("F136", "there are no points").at("points").help("link those of a FeatureGate"));
+            s.wrong(
+                Reject::new("F136", "there are no points").at("points").help("link those of a FeatureGate"),
+            );
         }
         Ok(())
     }

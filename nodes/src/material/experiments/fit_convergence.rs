@@ -124,17 +124,14 @@ impl Func for FitConvergence {
     type Ports = FitConvergencePorts;
     const NAME: &'static str = "FitConvergence";
 
-    fn eval(
-        p: &FitConvergenceParams,
-        _: &Build<'_>,
-        mut io: FitConvergenceIo<'_>,
-    ) -> Result<Summary, Fault> {
-        let traces = traces(&io.points.points, p.steps)
-            .map_err(|e| Fault::new("F136", e.to_string()).at("points"))?;
+    fn eval(p: &FitConvergenceParams, _: &Build<'_>, mut io: FitConvergenceIo<'_>) -> Result<Summary, Fault> {
+        let traces =
+            traces(&io.points.points, p.steps).map_err(|e| Fault::new("F136", e.to_string()).at("points"))?;
         let end = traces.iter().filter_map(|t| t.points.last()).map(|p| p[1]);
         let best = end.fold(f64::NEG_INFINITY, f64::max);
-        let mut table = ResultTable::new(&["method", "iterations", "log_likelihood", "nats_below_the_optimum"]);
-        let mut summary = Summary::from([("points", io.points.points.len().into())]);
+        let mut table =
+            ResultTable::new(&["method", "iterations", "log_likelihood", "nats_below_the_optimum"]);
+        let mut methods = Vec::new();
         for trace in &traces {
             for [k, value] in &trace.points {
                 table.push([
@@ -146,11 +143,12 @@ impl Func for FitConvergence {
             }
             let last = trace.points.last().copied().unwrap_or_default();
             let reached = trace.points.iter().find(|p| best - p[1] < CONVERGED);
-            let text = match reached {
+            methods.push(match reached {
                 Some([k, _]) => format!("{}: within {CONVERGED} nats after {k} iterations", trace.method),
-                None => format!("{}: {:.3} nats short after {} iterations", trace.method, best - last[1], last[0]),
-            };
-            summary.push(("method", text.into()));
+                None => {
+                    format!("{}: {:.3} nats short after {} iterations", trace.method, best - last[1], last[0])
+                }
+            });
         }
         let lines = |of: &dyn Fn(f64) -> f64| -> Vec<Line> {
             let line = |t: &Trace| {
@@ -168,6 +166,8 @@ impl Func for FitConvergence {
                 lines(&|x| (best - x).max(1e-9)),
             ),
         ];
+        let summary =
+            vec![("points", io.points.points.len().into()), ("methods", serde_json::json!(methods))];
         io.table.set(table);
         Ok(summary)
     }
@@ -188,7 +188,13 @@ mod tests {
         let points = independent_points(&mut Rng::new(8), 300, [3.9, 1e-8, 0.4, 0.125]);
         let traces = traces(&points, 3000).unwrap();
         let end = |k: usize| traces[k].points.last().unwrap()[1];
-        assert!((end(1) - end(3)).abs() < 0.01 && (end(2) - end(3)).abs() < 1e-5, "{} {} {}", end(1), end(2), end(3));
+        assert!(
+            (end(1) - end(3)).abs() < 0.01 && (end(2) - end(3)).abs() < 1e-5,
+            "{} {} {}",
+            end(1),
+            end(2),
+            end(3)
+        );
         assert!(end(0) < end(3));
         assert!(traces.iter().all(|t| t.points.windows(2).all(|w| w[0][0] < w[1][0])));
     }

@@ -6,8 +6,9 @@ use crate::material::estimation::fit::FitOptions;
 use crate::material::estimation::mixture::{MixtureOptions, fit_mixture};
 use crate::material::estimation::point::DampingPoint;
 use crate::material::points::gate::Gate;
+use crate::modal::extraction::comparison::spectral_distance_db;
 use crate::modal::extraction::poles::resynthesis;
-use crate::modal::{Feature, FeatureSet, compare};
+use crate::modal::{Feature, FeatureSet};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -152,16 +153,14 @@ pub fn held_out(objects: &[KnockedObject], given: &[Candidate]) -> Vec<HeldOut> 
         if points.is_empty() {
             return None;
         }
-        let reference: Vec<f32> = take.sound.iter().map(|x| *x as f32).collect();
         let score = |(k, candidate): (usize, &Candidate)| {
             let decay = |f: &Feature| candidate.decay(f);
             let audio = resynthesis(&take.features.features, take.rate, take.sound.len(), decay);
-            let audio: Vec<f32> = audio.iter().map(|x| *x as f32).collect();
             Score {
                 candidate: candidate.name.clone(),
                 right: k == 0,
                 log_likelihood: candidate.log_likelihood(&points),
-                spectral_distance_db: compare(&reference, &audio, take.rate).spectral_distance_db,
+                spectral_distance_db: spectral_distance_db(&take.sound, &audio, take.rate),
             }
         };
         Some(HeldOut {

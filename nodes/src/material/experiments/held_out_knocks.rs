@@ -118,12 +118,10 @@ fn own_sound(features: FeatureSet) -> Take {
 /// Tests the takes of an object that are recorded; `None` if fewer than two are.
 fn tested(object: &KnockedObject, recorded: &[bool], seed: u64) -> Option<OneObject> {
     let takes: Vec<&Take> = object.takes.iter().zip(recorded).filter(|(_, r)| **r).map(|(t, _)| t).collect();
-    let poles: Vec<Vec<[f64; 2]>> = (takes.iter())
-        .map(|t| t.features.features.iter().map(|f| [f.freq_hz, f.decay]).collect())
-        .collect();
-    let knocks: Vec<Knock<'_>> = (takes.iter().zip(&poles))
-        .map(|(t, poles)| Knock { sound: &t.sound, rate: t.rate, poles })
-        .collect();
+    let poles: Vec<Vec<[f64; 2]>> =
+        (takes.iter()).map(|t| t.features.features.iter().map(|f| [f.freq_hz, f.decay]).collect()).collect();
+    let knocks: Vec<Knock<'_>> =
+        (takes.iter().zip(&poles)).map(|(t, poles)| Knock { sound: &t.sound, rate: t.rate, poles }).collect();
     (knocks.len() > 1).then(|| one_object(&knocks, seed))
 }
 
@@ -205,7 +203,7 @@ impl Func for HeldOutKnocks {
             sounds.insert(path, (sound, rate));
         }
         let mut summary = Summary::new();
-        let mut objects = Vec::new();
+        let (mut objects, mut left_out) = (Vec::new(), Vec::new());
         let mut sets = ResultTable::new(&[
             "object",
             "takes",
@@ -243,19 +241,20 @@ impl Func for HeldOutKnocks {
                 test.map(|t| t.gain_db).into(),
             ]);
             if test.is_some_and(|t| !t.holds()) {
-                let text = format!("the takes of {:?} are not of one object: not used", object.name);
-                summary.push(("left_out", text.into()));
+                left_out.push(format!("the takes of {:?} are not of one object", object.name));
             } else if object.takes.len() < 2 {
-                summary.push(("left_out", format!("{:?} has a single take: not used", object.name).into()));
+                left_out.push(format!("{:?} has a single take", object.name));
             } else {
                 objects.push(object);
             }
         }
         objects.extend((0..p.synthetic).map(|k| synthetic_object(p, k, seed)));
-        let fitted = || objects.iter().filter_map(|o| {
-            let all: Vec<FeatureSet> = o.takes.iter().map(|t| t.features.clone()).collect();
-            Candidate::fit(&o.name, &all)
-        });
+        let fitted = || {
+            objects.iter().filter_map(|o| {
+                let all: Vec<FeatureSet> = o.takes.iter().map(|t| t.features.clone()).collect();
+                Candidate::fit(&o.name, &all)
+            })
+        };
         let count = fitted().count().max(1) as f64;
         let mean = [
             fitted().map(|c| c.support).sum::<f64>() / count,
@@ -265,6 +264,7 @@ impl Func for HeldOutKnocks {
         let all = held_out(&objects, &given);
         let candidates = all.iter().map(|t| t.scores.len()).max().unwrap_or(0);
         summary.push(("objects", objects.len().into()));
+        summary.push(("not_used", serde_json::json!(left_out)));
         summary.push(("candidates", candidates.into()));
         if candidates > 0 {
             summary.push(("chance_rate", (1.0 / candidates as f64).into()));
@@ -278,11 +278,11 @@ impl Func for HeldOutKnocks {
                 summary.push((name, text.into()));
             }
         }
-        for takes in all.chunk_by(|a, b| a.object == b.object) {
+        let each = all.chunk_by(|a, b| a.object == b.object).map(|takes| {
             let [likelihood, spectrum] = wins(takes.iter());
-            let text = format!("{}: {likelihood} by likelihood, {spectrum} by spectrum", takes[0].object);
-            summary.push(("object", text.into()));
-        }
+            format!("{}: {likelihood} by likelihood, {spectrum} by spectrum", takes[0].object)
+        });
+        summary.push(("right_by_object", serde_json::json!(each.collect::<Vec<_>>())));
         io.table.set(table(&all));
         io.objects.set(sets);
         Ok(summary)
@@ -313,14 +313,21 @@ mod tests {
         let all = held_out(&objects, &[]);
         let right = |j: usize| all.iter().filter(|t| t.better()[j] == 0).count();
         assert!(all.len() >= 35 && all.iter().all(|t| t.scores.len() == 8 && t.scores[0].right));
-        assert!(2 * right(0) > all.len() && 2 * right(1) > all.len(), "{} {} of {}", right(0), right(1), all.len());
+        assert!(
+            2 * right(0) > all.len() && 2 * right(1) > all.len(),
+            "{} {} of {}",
+            right(0),
+            right(1),
+            all.len()
+        );
     }
 
     #[test]
     fn features_without_recordings_are_compared_with_their_own_sound() {
         let p = HeldOutKnocksParams::read(&|_| None).unwrap();
         let objects: Vec<KnockedObject> = (0..2).map(|k| synthetic_object(&p, k, 2)).collect();
-        let sets = |o: &KnockedObject| FeatureSets { sets: o.takes.iter().map(|t| t.features.clone()).collect() };
+        let sets =
+            |o: &KnockedObject| FeatureSets { sets: o.takes.iter().map(|t| t.features.clone()).collect() };
         let standalone = Standalone::func::<HeldOutKnocks>(p)
             .value(HeldOutKnocksPorts::features, sets(&objects[0]))
             .value(HeldOutKnocksPorts::features, sets(&objects[1]));

@@ -100,10 +100,10 @@ fn one_set(points: &[DampingPoint], draws: usize, seed: u64) -> [Option<[bool; 2
         let replicates = parametric_bootstrap(&found, draws, seed, again);
         [standard, Some([holds(0), holds(1)]), Some(hits(&replicates.intervals(&names, &values)))]
     });
-    let recordings = points.iter().enumerate().map(|(i, p)| DampingPoint {
-        recording: (i / FEATURES_OF_A_RECORDING) as u32,
-        ..*p
-    });
+    let recordings = points
+        .iter()
+        .enumerate()
+        .map(|(i, p)| DampingPoint { recording: (i / FEATURES_OF_A_RECORDING) as u32, ..*p });
     let settings = Settings {
         draws,
         ks_draws: 0,

@@ -98,7 +98,10 @@ mod tests {
         let table = material_table(&[&Material::new("porcelain", rayleigh)]);
         let csv = table.csv();
         // c = 3.9 + 1e-8 (2 pi 10000)^2 = 43.4 1/s, T60 = 13.8 / c.
-        assert!(csv.contains("porcelain,\"a1 = 3.90000, a2 = 1.00000e-8\"") && csv.contains(",0.318"), "{csv}");
+        assert!(
+            csv.contains("porcelain,\"a1 = 3.90000, a2 = 1.00000e-8\"") && csv.contains(",0.318"),
+            "{csv}"
+        );
         assert!(csv.starts_with("material,parameters,t60_s_at_100_hz,"));
     }
 }

@@ -207,7 +207,10 @@ mod tests {
         let all: Vec<f64> = (0..20_000).map(|_| support_damping(&mut rng)).collect();
         let mean = all.iter().sum::<f64>() / 20_000.0;
         let variance = all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 20_000.0;
-        assert!((mean - 1.0).abs() < 0.03 && (mean * mean / variance - 1.0).abs() < 0.06, "{mean} {variance}");
+        assert!(
+            (mean - 1.0).abs() < 0.03 && (mean * mean / variance - 1.0).abs() < 0.06,
+            "{mean} {variance}"
+        );
     }
 
     #[test]

@@ -121,7 +121,8 @@ impl ElasticRatioReport {
                 Line::dots("measured", line(1.0, &self.measured_hz)),
             ],
         );
-        let difference = |p: &MatchedFrequencies| [p.measured_hz, 100.0 * (p.measured_hz / p.computed_hz - 1.0)];
+        let difference =
+            |p: &MatchedFrequencies| [p.measured_hz, 100.0 * (p.measured_hz / p.computed_hz - 1.0)];
         let pairs = Line::dots("pairs", self.pairs.iter().map(difference).collect());
         let axes = (("frequency, Hz", true), ("measured - computed, %", false));
         [spectra, Chart::of("Matched modes", axes.0, axes.1, vec![pairs])]
@@ -194,7 +195,8 @@ impl Func for ElasticRatio {
         let measured: Vec<f64> = (features.map(|f| f.freq_hz).chain(modes))
             .filter(|f| f.is_finite() && *f > 0.0 && *f <= p.highest)
             .collect();
-        let model = |m: &ModalModel| (m.material.poisson, m.material.young / m.material.density, m.frequencies());
+        let model =
+            |m: &ModalModel| (m.material.poisson, m.material.young / m.material.density, m.frequencies());
         let models: Vec<(f64, f64, Vec<f64>)> = io.models.iter().map(model).collect();
         let Some(report) = report(&measured, &models) else {
             let message = format!("there are {} measured modes below {} Hz", measured.len(), p.highest);

@@ -158,7 +158,8 @@ mod tests {
     #[test]
     fn the_table_has_a_row_for_each_set() {
         let find = |name: &str| (name == "path").then(|| Datum::Text("r.csv".into()));
-        let mut standalone = Standalone::func::<RatingStatistics>(RatingStatisticsParams::read(&find).unwrap());
+        let mut standalone =
+            Standalone::func::<RatingStatistics>(RatingStatisticsParams::read(&find).unwrap());
         standalone.files.insert("r.csv", shipped());
         let run = standalone.run().unwrap();
         let table = run.value(0).unwrap().get::<ResultTable>().unwrap().clone();

@@ -64,9 +64,11 @@ pub fn test_ratings(sets: &[RatedSet]) -> RatingReport {
 /// # Ok::<(), String>(())
 /// ```
 pub fn read_ratings(bytes: &[u8]) -> Result<Vec<RatedSet>, String> {
-    let reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(strip_bom(bytes));
+    let reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(strip_bom(bytes));
     let mut reader = reader;
-    let header: Vec<String> = reader.headers().map_err(|e| e.to_string())?.iter().map(str::to_owned).collect();
+    let header: Vec<String> =
+        reader.headers().map_err(|e| e.to_string())?.iter().map(str::to_owned).collect();
     let column = |name: &str| {
         let missing = || format!("no column `{name}`; `set`, `pair` and `rating` are needed");
         header.iter().position(|c| c == name).ok_or_else(missing)

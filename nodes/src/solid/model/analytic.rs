@@ -149,6 +149,7 @@ pub fn plate(cells: usize) -> Result<Vec<AnalyticMode>, EigenError> {
 pub fn sphere(cells: usize) -> Result<Vec<AnalyticMode>, EigenError> {
     let found = frequencies(&ball(RADIUS, cells), SPHERE_HIGHEST * sphere_unit())?;
     let theory = SPHERE.iter();
-    let theory = theory.map(|(omega, count, kind)| (omega * sphere_unit(), *count, (*kind).to_owned(), 0.012));
+    let theory =
+        theory.map(|(omega, count, kind)| (omega * sphere_unit(), *count, (*kind).to_owned(), 0.012));
     Ok(grouped("sphere", &found, theory))
 }

@@ -51,7 +51,8 @@ impl Func for AnalyticModes {
 
     fn eval(p: &AnalyticModesParams, _: &Build<'_>, mut io: AnalyticModesIo<'_>) -> Result<Summary, Fault> {
         let fault = |e: super::super::fem::eigen::EigenError| Fault::new("F078", e.to_string());
-        let objects = [bar(p.bar).map_err(fault)?, plate(p.plate).map_err(fault)?, sphere(p.ball).map_err(fault)?];
+        let objects =
+            [bar(p.bar).map_err(fault)?, plate(p.plate).map_err(fault)?, sphere(p.ball).map_err(fault)?];
         let all: Vec<AnalyticMode> = objects.into_iter().flatten().collect();
         let mut table = ResultTable::new(&[
             "object",

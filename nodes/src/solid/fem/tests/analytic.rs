@@ -62,7 +62,10 @@ fn a_free_square_plate_has_the_modes_of_thin_plates() {
 /// Relative differences of the lowest and the highest mode of each group of a ball.
 fn sphere(cells: usize, first: usize) -> Vec<(f64, f64)> {
     let groups = sphere_modes(cells).unwrap();
-    groups[..first].iter().map(|m| (off(m.computed_hz[0], m.theory_hz), off(m.computed_hz[1], m.theory_hz))).collect()
+    groups[..first]
+        .iter()
+        .map(|m| (off(m.computed_hz[0], m.theory_hz), off(m.computed_hz[1], m.theory_hz)))
+        .collect()
 }
 
 #[test]
