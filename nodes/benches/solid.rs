@@ -68,8 +68,13 @@ fn scipy(name: &str, path: &Path) {
 fn gmsh(mesh: &TetMesh) -> String {
     let (n, m) = (mesh.nodes.len(), mesh.tets.len());
     let mut text = format!("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 {n} 1 {n}\n3 1 0 {n}\n");
-    (1..=n).for_each(|k| drop(writeln!(text, "{k}")));
-    mesh.nodes.iter().for_each(|[x, y, z]| drop(writeln!(text, "{x} {y} {z}")));
+    // Writing to a string cannot fail.
+    for k in 1..=n {
+        let _ = writeln!(text, "{k}");
+    }
+    for [x, y, z] in &mesh.nodes {
+        let _ = writeln!(text, "{x} {y} {z}");
+    }
     let _ = write!(text, "$EndNodes\n$Elements\n1 {m} 1 {m}\n3 1 4 {m}\n");
     for (k, tet) in mesh.tets.iter().enumerate() {
         let [a, b, c, d] = tet.map(|i| i + 1);

@@ -133,7 +133,7 @@ mod tests {
         let mut table = ResultTable::new(&["name", "x"]);
         table.push(["a, b".into(), 1.234_567_89e-9.into()]);
         table.push(["c".into(), f64::NAN.into()]);
-        table.push(["d".into(), 1234.567_89.into()]);
+        table.push(["d".into(), 1_234.567_89.into()]);
         table.push(["e".into(), 30_usize.into()]);
         assert_eq!(table.csv(), "name,x\n\"a, b\",1.23457e-9\nc,\nd,1234.57\ne,30\n");
         assert!(table.plot().is_none());

@@ -42,7 +42,7 @@ impl Compared {
     pub fn name(self) -> &'static str {
         match self {
             Self::Paper => "paper",
-            Self::PerFeature => "noise per feature",
+            Self::PerFeature => "per feature",
             Self::Mixture => "mixture",
             Self::Hierarchical => "hierarchical",
             Self::LeastSquares => "least squares",

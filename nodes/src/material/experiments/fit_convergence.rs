@@ -3,7 +3,6 @@
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
-use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
@@ -112,10 +111,10 @@ pub fn traces(points: &[DampingPoint], steps: usize) -> Result<Vec<Trace>, Estim
     lbfgs(&mut evaluation, &likelihood.bounds(optimum.floor), &mut z, TOLERANCE, 500);
     let end = optimum.physical_log_likelihood();
     Ok(vec![
-        run("gradient ascent", false),
-        run("expectation-maximisation", true),
+        run("ascent", false),
+        run("EM", true),
         Trace { method: "L-BFGS", points: quasi_newton },
-        Trace { method: "scan and Newton", points: vec![[optimum.effort.iterations as f64, end]] },
+        Trace { method: "scan, Newton", points: vec![[optimum.effort.iterations as f64, end]] },
     ])
 }
 
@@ -173,7 +172,7 @@ impl Func for FitConvergence {
     }
 
     fn trial(rng: &mut Rng) -> (FitConvergenceParams, MemoryFiles) {
-        let p = FitConvergenceParams { steps: 20 + rng.below(200), ..FitConvergenceParams::trial(rng) };
+        let p = FitConvergenceParams { steps: 20 + rng.below(200) };
         (p, MemoryFiles::default())
     }
 }

@@ -1,4 +1,4 @@
-//! Whether a knock is told to be of its material by a fit without it, as a node.
+//! Recognition of knocks by fits without them, as a node.
 
 use super::held_out::{Candidate, HeldOut, KnockedObject, Take, held_out};
 use super::one_object::{Knock, OneObject, one_object};
@@ -6,7 +6,7 @@ use super::synthetic::{Collection, CollectionSize};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
-use crate::core::params::{AssetPath, Params};
+use crate::core::params::AssetPath;
 use crate::core::ports::{Many, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
@@ -209,7 +209,7 @@ impl Func for HeldOutKnocks {
             "takes",
             "one_object",
             "pairs",
-            "pairs_passed",
+            "mean_rank",
             "unexplained_by_another_take_db",
             "gain_over_shifted_db",
         ]);
@@ -236,7 +236,7 @@ impl Func for HeldOutKnocks {
                 object.takes.len().into(),
                 test.map_or("not recorded", |t| if t.holds() { "yes" } else { "no" }).into(),
                 test.map_or(0, |t| t.pairs).into(),
-                test.map_or(0, |t| t.passed).into(),
+                test.map(|t| t.mean_rank).into(),
                 test.map(|t| t.unexplained_db).into(),
                 test.map(|t| t.gain_db).into(),
             ]);
@@ -294,7 +294,6 @@ impl Func for HeldOutKnocks {
             synthetic: 1 + rng.below(2),
             takes: 2 + rng.below(2),
             noise: rng.between(0.01, 0.1),
-            ..HeldOutKnocksParams::trial(rng)
         };
         (p, MemoryFiles::default())
     }
@@ -303,8 +302,9 @@ impl Func for HeldOutKnocks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::params::Datum;
-    use crate::core::standalone::Standalone;
+    use crate::core::item::AnyValue;
+    use crate::core::params::{Datum, Params};
+    use crate::core::standalone::{Feed, Standalone};
 
     #[test]
     fn synthetic_takes_are_told_to_be_of_their_material_far_more_often_than_by_chance() {
@@ -326,11 +326,13 @@ mod tests {
     fn features_without_recordings_are_compared_with_their_own_sound() {
         let p = HeldOutKnocksParams::read(&|_| None).unwrap();
         let objects: Vec<KnockedObject> = (0..2).map(|k| synthetic_object(&p, k, 2)).collect();
-        let sets =
-            |o: &KnockedObject| FeatureSets { sets: o.takes.iter().map(|t| t.features.clone()).collect() };
+        let sets = |o: &KnockedObject| {
+            let sets = o.takes.iter().map(|t| t.features.clone()).collect();
+            Feed::value(AnyValue::new(FeatureSets { sets }))
+        };
         let standalone = Standalone::func::<HeldOutKnocks>(p)
-            .value(HeldOutKnocksPorts::features, sets(&objects[0]))
-            .value(HeldOutKnocksPorts::features, sets(&objects[1]));
+            .feed(HeldOutKnocksPorts::features.index(), sets(&objects[0]))
+            .feed(HeldOutKnocksPorts::features.index(), sets(&objects[1]));
         let run = standalone.run().unwrap();
         let table = run.value(0).unwrap().get::<ResultTable>().unwrap().clone();
         assert_eq!(table.rows.len(), 20, "{}", table.csv());

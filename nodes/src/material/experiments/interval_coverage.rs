@@ -4,7 +4,6 @@ use super::synthetic::independent_points;
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
-use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
@@ -24,8 +23,7 @@ use rayon::prelude::*;
 pub const TRUTH: [f64; 3] = [3.9, 1e-8, 0.125];
 const NAMES: [&str; 2] = ["a1", "a2"];
 /// Methods of intervals, in the order of the table.
-pub const METHODS: [&str; 4] =
-    ["standard errors", "profile likelihood", "simulated data", "mixture, resampled recordings"];
+pub const METHODS: [&str; 4] = ["standard error", "profile", "simulation", "mixture"];
 /// Features of one recording of the resampled ones.
 const FEATURES_OF_A_RECORDING: usize = 30;
 
@@ -86,7 +84,7 @@ fn hits(intervals: &[Interval]) -> [bool; 2] {
     [holds(0), holds(1)]
 }
 
-/// Whether the interval of each of [`METHODS`] holds `a1` and `a2`; `None` where a method has no interval.
+/// Hits of the interval of each of [`METHODS`] on `a1` and `a2`; `None` where a method has no interval.
 fn one_set(points: &[DampingPoint], draws: usize, seed: u64) -> [Option<[bool; 2]>; 4] {
     let options = FitOptions::paper(Family::Rayleigh);
     let plain = fit(points, &options).ok().map(|found| {
@@ -206,7 +204,6 @@ impl Func for IntervalCoverage {
             features: 60 + rng.below(20),
             draws: 20,
             noise: vec![rng.between(0.2, 1.0)],
-            ..IntervalCoverageParams::trial(rng)
         };
         (p, MemoryFiles::default())
     }

@@ -6,7 +6,6 @@ use super::synthetic::{independent_points, spurious_damping};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
-use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
@@ -186,7 +185,6 @@ impl Func for SpuriousFeatures {
             features: 40 + rng.below(20),
             noise: rng.between(0.2, 0.6),
             shares: vec![rng.between(0.05, 0.2)],
-            ..SpuriousFeaturesParams::trial(rng)
         };
         (p, MemoryFiles::default())
     }

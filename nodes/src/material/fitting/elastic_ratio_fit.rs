@@ -4,7 +4,6 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Data;
 use crate::core::node::{Func, Summary};
-use crate::core::params::Params;
 use crate::core::ports::{Many, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
@@ -222,7 +221,7 @@ impl Func for ElasticRatio {
     }
 
     fn trial(rng: &mut Rng) -> (ElasticRatioParams, MemoryFiles) {
-        (ElasticRatioParams { highest: 50_000.0, ..ElasticRatioParams::trial(rng) }, MemoryFiles::default())
+        (ElasticRatioParams { highest: rng.between(20_000.0, 50_000.0) }, MemoryFiles::default())
     }
 }
 

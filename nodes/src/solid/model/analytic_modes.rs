@@ -4,7 +4,6 @@ use super::analytic::{AnalyticMode, bar, plate, sphere};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
-use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
@@ -91,12 +90,7 @@ impl Func for AnalyticModes {
     }
 
     fn trial(rng: &mut Rng) -> (AnalyticModesParams, MemoryFiles) {
-        let p = AnalyticModesParams {
-            bar: 2,
-            plate: 4 + rng.below(3),
-            ball: 4,
-            ..AnalyticModesParams::trial(rng)
-        };
+        let p = AnalyticModesParams { bar: 2, plate: 4 + rng.below(3), ball: 4 };
         (p, MemoryFiles::default())
     }
 }

@@ -3,7 +3,7 @@
 use crate::core::random::Rng;
 use crate::solid::fem::assembly::Discretisation;
 use crate::solid::fem::block_matrix::BlockMatrix;
-use crate::solid::fem::elements::{Isotropic, Order};
+use crate::solid::fem::elements::Order;
 use crate::solid::fem::rigid::rigid_motions;
 use crate::solid::mesh::shapes::block;
 use crate::solid::mesh::tet_mesh::TetMesh;
