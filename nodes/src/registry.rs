@@ -36,7 +36,7 @@ use crate::material::experiments::interval_coverage::IntervalCoverage;
 use crate::material::experiments::material_table::MaterialTable;
 use crate::material::experiments::spurious_features::SpuriousFeatures;
 use crate::material::fitting::damping_fit::DampingFit;
-use crate::material::fitting::elastic_ratio_fit::ElasticRatio;
+use crate::material::fitting::elastic_ratio::ElasticRatio;
 use crate::material::library::material_file::MaterialFile;
 use crate::material::library::material_out::MaterialOut;
 use crate::material::points::damping_points_file::DampingPointsFile;

@@ -33,7 +33,7 @@ params! {
     /// Data sets are independent points of a Rayleigh curve with exponential support damping and normal noise. Intervals are standard
     /// errors, profile likelihoods and refits of simulated data, all of the maximum likelihood, and those of the default of `DampingFit`: a
     /// mixture, with recordings of 30 features resampled. Each row has the share of data sets whose interval holds the parameter, with
-    /// its own 95 % interval. At a noise of 0 the estimate of the noise is at its floor.
+    /// its own 95 % interval, and their mean width. At a noise of 0 the estimate of the noise is at its floor.
     ///
     /// The defaults are a short run; the shares need 400 data sets and 200 draws.
     ///
@@ -79,24 +79,31 @@ pub struct CoverageSize {
     pub draws: usize,
 }
 
-fn hits(intervals: &[Interval]) -> [bool; 2] {
-    let holds = |j: usize| intervals.get(j).is_some_and(|i| i.low <= TRUTH[j] && TRUTH[j] <= i.high);
-    [holds(0), holds(1)]
+/// An interval of a parameter: true if it holds the truth, and its width relative to the truth.
+type Held = (bool, f64);
+
+fn held(j: usize, [low, high]: [f64; 2]) -> Held {
+    (low <= TRUTH[j] && TRUTH[j] <= high, (high - low) / TRUTH[j])
 }
 
-/// Hits of the interval of each of [`METHODS`] on `a1` and `a2`; `None` where a method has no interval.
-fn one_set(points: &[DampingPoint], draws: usize, seed: u64) -> [Option<[bool; 2]>; 4] {
+fn both(intervals: &[Interval]) -> Option<[Held; 2]> {
+    let own = |j: usize| intervals.get(j).map(|i| held(j, [i.low, i.high]));
+    Some([own(0)?, own(1)?])
+}
+
+/// The interval of each of [`METHODS`] for `a1` and `a2`; `None` where a method has none.
+fn one_set(points: &[DampingPoint], draws: usize, seed: u64) -> [Option<[Held; 2]>; 4] {
     let options = FitOptions::paper(Family::Rayleigh);
     let plain = fit(points, &options).ok().map(|found| {
         let names: Vec<String> = NAMES.map(str::to_owned).to_vec();
         let values = found.sample.physical_with_noise(&found.z);
         let standard = covariance(&found, &information(&found))
-            .map(|cov| hits(&wald(&names, &values, &standard_errors(&cov))));
-        let ends = [profile(&found, 0), profile(&found, 1)];
-        let holds = |j: usize| ends[j].is_some_and(|[low, high]| low <= TRUTH[j] && TRUTH[j] <= high);
+            .and_then(|cov| both(&wald(&names, &values, &standard_errors(&cov))));
+        let ends = profile(&found, 0).zip(profile(&found, 1));
+        let profile = ends.map(|(a1, a2)| [held(0, a1), held(1, a2)]);
         let again = |sample: &Sample| refit(&found, sample);
         let replicates = parametric_bootstrap(&found, draws, seed, again);
-        [standard, Some([holds(0), holds(1)]), Some(hits(&replicates.intervals(&names, &values)))]
+        [standard, profile, both(&replicates.intervals(&names, &values))]
     });
     let recordings = points
         .iter()
@@ -110,19 +117,30 @@ fn one_set(points: &[DampingPoint], draws: usize, seed: u64) -> [Option<[bool; 2
         ..Settings::new(Estimator::Mixture, FitOptions::new(Family::Rayleigh))
     };
     let points: Vec<DampingPoint> = recordings.map(|p| DampingPoint { c: p.c.max(0.5), ..p }).collect();
-    let mixture = estimate(&points, &settings).ok().map(|report| hits(&report.ci));
+    let mixture = estimate(&points, &settings).ok().and_then(|report| both(&report.ci));
     let [standard, profile, simulated] = plain.unwrap_or_default();
     [standard, profile, simulated, mixture]
 }
 
-/// Shares of intervals that hold `a1` and `a2`, and the number of data sets that have intervals, for each of [`METHODS`].
+/// Intervals of one method over data sets.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Coverage {
+    /// Shares of intervals that hold `a1` and `a2`.
+    pub shares: [f64; 2],
+    /// Mean widths relative to the truth.
+    pub widths: [f64; 2],
+    /// Number of data sets that have intervals.
+    pub sets: usize,
+}
+
+/// Intervals of data sets by each of [`METHODS`].
 ///
 /// # Complexity
 /// `sets draws` refits, in parallel; a function of the seed for any number of threads.
 #[must_use]
-pub fn coverage(size: &CoverageSize, sigma: f64, seed: u64) -> [([f64; 2], usize); 4] {
+pub fn coverage(size: &CoverageSize, sigma: f64, seed: u64) -> [Coverage; 4] {
     let [a1, a2, eta] = TRUTH;
-    let all: Vec<[Option<[bool; 2]>; 4]> = (0..size.sets)
+    let all: Vec<[Option<[Held; 2]>; 4]> = (0..size.sets)
         .into_par_iter()
         .map(|k| {
             let own = seed.wrapping_add(1000 + k as u64);
@@ -131,9 +149,11 @@ pub fn coverage(size: &CoverageSize, sigma: f64, seed: u64) -> [([f64; 2], usize
         })
         .collect();
     [0, 1, 2, 3].map(|m| {
-        let of: Vec<[bool; 2]> = all.iter().filter_map(|hits| hits[m]).collect();
-        let share = |j: usize| of.iter().filter(|hit| hit[j]).count() as f64 / of.len().max(1) as f64;
-        ([share(0), share(1)], of.len())
+        let of: Vec<[Held; 2]> = all.iter().filter_map(|intervals| intervals[m]).collect();
+        let count = of.len().max(1) as f64;
+        let share = |j: usize| of.iter().filter(|held| held[j].0).count() as f64 / count;
+        let width = |j: usize| of.iter().map(|held| held[j].1).sum::<f64>() / count;
+        Coverage { shares: [share(0), share(1)], widths: [width(0), width(1)], sets: of.len() }
     })
 }
 
@@ -164,16 +184,17 @@ impl Func for IntervalCoverage {
             "share",
             "share_low",
             "share_high",
+            "mean_relative_width",
             "data_sets",
         ]);
         let mut lines: Vec<Vec<[f64; 2]>> = vec![Vec::new(); 2 * METHODS.len()];
         for sigma in &p.noise {
-            for (m, (shares, n)) in coverage(&size, *sigma, seed).into_iter().enumerate() {
-                if n == 0 {
+            for (m, of) in coverage(&size, *sigma, seed).into_iter().enumerate() {
+                if of.sets == 0 {
                     continue;
                 }
-                for (j, share) in shares.into_iter().enumerate() {
-                    let [low, high] = share_interval(share, n);
+                for (j, share) in of.shares.into_iter().enumerate() {
+                    let [low, high] = share_interval(share, of.sets);
                     table.push([
                         (*sigma).into(),
                         METHODS[m].into(),
@@ -181,7 +202,8 @@ impl Func for IntervalCoverage {
                         share.into(),
                         low.into(),
                         high.into(),
-                        n.into(),
+                        of.widths[j].into(),
+                        of.sets.into(),
                     ]);
                     lines[j * METHODS.len() + m].push([*sigma, share]);
                 }

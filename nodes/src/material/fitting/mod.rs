@@ -1,5 +1,5 @@
 //! Estimators of damping and of stiffness as nodes, and the figure of a fit.
 
 pub mod damping_fit;
-pub mod elastic_ratio_fit;
+pub mod elastic_ratio;
 mod figure;

@@ -10,10 +10,10 @@ fn intervals_hold_the_truth_in_about_95_percent_of_400_data_sets() {
     let size = CoverageSize { sets: 400, features: 750, draws: 200 };
     for sigma in [0.0, 0.4, 2.0] {
         let found = coverage(&size, sigma, 0);
-        for (method, (shares, n)) in METHODS.iter().zip(found) {
-            println!("| {sigma} | {method} | {:.3} | {:.3} | {n} |", shares[0], shares[1]);
+        for (method, of) in METHODS.iter().zip(found) {
+            println!("| {sigma} | {method} | {:.3} | {:.3} | {} |", of.shares[0], of.shares[1], of.sets);
         }
-        for share in found[2].0 {
+        for share in found[2].shares {
             // 0.90 to 0.98, and two standard errors of a share of 400.
             assert!((0.87..=0.994).contains(&share), "{sigma}: {share}");
         }

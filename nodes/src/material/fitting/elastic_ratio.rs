@@ -7,7 +7,7 @@ use crate::core::node::{Func, Summary};
 use crate::core::ports::{Many, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::material::estimation::elastic_ratio::elastic_ratio;
+use crate::material::estimation::elastic_ratio::{MatchedMode, elastic_ratio};
 use crate::modal::{FeatureSets, Modes};
 use crate::plot::{Chart, Line, beside};
 use crate::solid::ModalModel;
@@ -146,15 +146,16 @@ impl ElasticRatioReport {
 #[must_use]
 pub fn report(measured: &[f64], models: &[(f64, f64, Vec<f64>)]) -> Option<ElasticRatioReport> {
     let weighted: Vec<[f64; 2]> = measured.iter().map(|f| [*f, 1.0]).collect();
-    // To one reference ratio, so that models of different ratios can be compared.
+    // To one reference ratio, so that models of different ratios can be compared; each is named by its index, as Poisson's ratios may be
+    // equal.
     let reference = models.first()?.1;
-    let scaled: Vec<(f64, Vec<f64>)> = (models.iter())
-        .map(|(nu, ratio, f)| (*nu, f.iter().map(|f| f * (reference / ratio).sqrt()).collect()))
+    let scaled: Vec<(f64, Vec<f64>)> = (models.iter().enumerate())
+        .map(|(k, (_, ratio, f))| (k as f64, f.iter().map(|f| f * (reference / ratio).sqrt()).collect()))
         .collect();
     let found = elastic_ratio(&weighted, &scaled)?;
-    let (_, computed) = scaled.iter().find(|(nu, _)| *nu == found.poisson)?;
-    let computed: Vec<f64> = computed.iter().map(|f| f * found.factor.sqrt()).collect();
-    let pair = |p: &crate::material::estimation::elastic_ratio::MatchedMode| MatchedFrequencies {
+    let best = found.poisson as usize;
+    let computed: Vec<f64> = scaled.get(best)?.1.iter().map(|f| f * found.factor.sqrt()).collect();
+    let pair = |p: &MatchedMode| MatchedFrequencies {
         measured_hz: measured[p.measured],
         computed_hz: computed[p.computed],
         mode: p.computed,
@@ -162,7 +163,7 @@ pub fn report(measured: &[f64], models: &[(f64, f64, Vec<f64>)]) -> Option<Elast
     Some(ElasticRatioReport {
         ratio: found.factor * reference,
         factor: found.factor,
-        poisson: found.poisson,
+        poisson: models[best].0,
         score: found.score,
         second_peak: found.second,
         measured_hz: measured.to_vec(),
@@ -235,11 +236,13 @@ mod tests {
         let measured: Vec<f64> = shape.iter().map(|f| f * 1.25).collect();
         let other: Vec<f64> = shape.iter().enumerate().map(|(k, f)| f * (1.0 + 0.01 * k as f64)).collect();
         // The right shape was computed at a quarter of the ratio: half of the frequencies.
-        let halved = shape.iter().map(|f| 0.5 * f).collect();
+        let halved: Vec<f64> = shape.iter().map(|f| 0.5 * f).collect();
         let found = report(&measured, &[(0.2, 4e6, other), (0.3, 1e6, halved)]).unwrap();
         assert!((found.ratio / (4e6 * 1.25 * 1.25) - 1.0).abs() < 1e-6 && found.poisson == 0.3, "{found:?}");
         assert_eq!(found.pairs.len(), measured.len());
         assert!(found.pairs.iter().all(|p| (p.measured_hz / p.computed_hz - 1.0).abs() < 1e-6));
         assert!(report(&[], &[(0.3, 1e6, vec![100.0])]).is_none());
+        let few = report(&measured, &[(0.3, 1e6, vec![100.0]), (0.3, 1e6, shape)]).unwrap();
+        assert_eq!(few.pairs.len(), measured.len(), "models of one Poisson's ratio are told apart");
     }
 }
