@@ -69,7 +69,7 @@ ports! {
         out {
             /// A row for each take and candidate: likelihood, spectral distance.
             table: Value<ResultTable>,
-            /// A row for each object: is it one object?
+            /// A row for each object, with the test of being one object.
             objects: Value<ResultTable>,
         }
     }
