@@ -5,7 +5,7 @@
 //! [`contact`] and [`friction`] for cloth that slides, [`curvature`] and [`crumple`] for cloth that crumples, [`tension`] for cloth
 //! that is pulled tight, [`modal`] for objects that are struck, [`material`] for their damping and [`solid`] for their modes from a shape,
 //! [`rigid`], [`texture`] and [`scrape`] for bodies that roll and scrape over surfaces, [`spatial`] for sounds in space, [`feature`], [`warp`] and [`mod@unit`] for sounds
-//! put together from recordings. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
+//! put together from recordings, and [`table`] for tables of results. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
 //! needs first.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::print_stderr, clippy::print_stdout))]
@@ -30,6 +30,7 @@ pub mod rigid;
 pub mod scrape;
 pub mod solid;
 pub mod spatial;
+pub mod table;
 pub mod tension;
 pub mod texture;
 pub mod unit;

@@ -11,7 +11,8 @@ const SIZE: [f64; 2] = [720.0, 440.0];
 const MARGIN: [f64; 4] = [70.0, 34.0, 130.0, 52.0];
 
 /// One axis of a chart.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Axis {
     /// Name and unit of the quantity.
     pub label: String,
@@ -22,6 +23,22 @@ pub struct Axis {
 }
 
 impl Axis {
+    /// An axis over the finite values, with a margin; over positive ones if it is logarithmic.
+    #[must_use]
+    pub fn over(label: impl Into<String>, values: impl Iterator<Item = f64>, log: bool) -> Self {
+        let finite = values.filter(|x| x.is_finite() && (!log || *x > 0.0));
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let range = match (low < high, log) {
+            (true, true) => [0.9 * low, 1.1 * high],
+            (true, false) => [low - 0.03 * (high - low), high + 0.03 * (high - low)],
+            (false, true) if low.is_finite() => [0.5 * low, 2.0 * low],
+            (false, false) if low.is_finite() => [low - 1.0, low + 1.0],
+            (false, true) => [1.0, 10.0],
+            (false, false) => [0.0, 1.0],
+        };
+        Self { label: label.into(), range, log }
+    }
+
     /// Position of a value along the axis: 0 to 1 within the range.
     fn fraction(&self, x: f64) -> f64 {
         let scaled = |x: f64| if self.log { x.max(f64::MIN_POSITIVE).log10() } else { x };
@@ -47,7 +64,8 @@ impl Axis {
 }
 
 /// One line of a chart.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Line {
     /// Label in the legend.
     pub label: String,
@@ -68,6 +86,36 @@ impl Line {
     #[must_use]
     pub fn dots(label: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
         Self { dots: true, ..Self::new(label, points) }
+    }
+}
+
+/// A line chart as a value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Chart {
+    /// Title.
+    pub title: String,
+    /// Horizontal axis.
+    pub x: Axis,
+    /// Vertical axis.
+    pub y: Axis,
+    /// Lines and dots.
+    pub lines: Vec<Line>,
+}
+
+impl Chart {
+    /// A chart whose axes span its lines; each axis is a label, and true for a logarithmic one.
+    #[must_use]
+    pub fn of(title: impl Into<String>, x: (&str, bool), y: (&str, bool), lines: Vec<Line>) -> Self {
+        let values = |k: usize| lines.iter().flat_map(move |l| l.points.iter().map(move |p| p[k]));
+        let axis = |k: usize, (label, log): (&str, bool)| Axis::over(label, values(k), log);
+        Self { title: title.into(), x: axis(0, x), y: axis(1, y), lines }
+    }
+
+    /// Draws it as [`chart`].
+    #[must_use]
+    pub fn draw(&self) -> String {
+        chart(&self.title, &self.x, &self.y, &self.lines)
     }
 }
 
@@ -196,12 +244,26 @@ pub fn chart_over(image: Option<&Image>, title: &str, x: &Axis, y: &Axis, lines:
 /// Puts charts beside each other as one SVG document.
 #[must_use]
 pub fn beside(charts: &[String]) -> String {
+    grid(charts, charts.len())
+}
+
+/// Puts charts into rows of `columns` charts each, as one SVG document.
+#[must_use]
+pub fn grid(charts: &[String], columns: usize) -> String {
     let [width, height] = SIZE;
-    let total = width * charts.len().max(1) as f64;
-    let mut svg = format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {total} {height}\">\n");
+    let columns = columns.max(1);
+    let total = [
+        width * columns.min(charts.len().max(1)) as f64,
+        height * charts.len().div_ceil(columns).max(1) as f64,
+    ];
+    let mut svg =
+        format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\">\n", total[0], total[1]);
     for (k, chart) in charts.iter().enumerate() {
-        let x = width * k as f64;
-        let place = format!("<svg x=\"{x}\" width=\"{width}\" height=\"{height}\" ");
+        let (x, y) = (width * (k % columns) as f64, height * (k / columns) as f64);
+        let place = match k / columns {
+            0 => format!("<svg x=\"{x}\" width=\"{width}\" height=\"{height}\" "),
+            _ => format!("<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" "),
+        };
         svg += &chart.replacen("<svg ", &place, 1);
     }
     svg + "</svg>\n"

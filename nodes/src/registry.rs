@@ -28,12 +28,21 @@ use crate::friction::model::interpolated_spectra::InterpolatedSpectra;
 use crate::friction::model::pair_friction_model::PairFrictionModel;
 use crate::friction::synthesis::binaural_ift_noise::BinauralIftNoise;
 use crate::friction::synthesis::ift_noise::IftNoiseNode;
+use crate::material::experiments::damping_experiment::DampingExperiment;
+use crate::material::experiments::fit_comparison::FitComparison;
+use crate::material::experiments::fit_convergence::FitConvergence;
+use crate::material::experiments::held_out_knocks::HeldOutKnocks;
+use crate::material::experiments::interval_coverage::IntervalCoverage;
+use crate::material::experiments::material_table::MaterialTable;
+use crate::material::experiments::spurious_features::SpuriousFeatures;
 use crate::material::fitting::damping_fit::DampingFit;
+use crate::material::fitting::elastic_ratio::ElasticRatio;
 use crate::material::library::material_blend::MaterialBlend;
 use crate::material::library::material_file::MaterialFile;
 use crate::material::library::material_out::MaterialOut;
 use crate::material::points::damping_points_file::DampingPointsFile;
 use crate::material::points::feature_gate::FeatureGate;
+use crate::material::statistics::rating_statistics::RatingStatistics;
 use crate::mesh::mesh_generator::MeshGenerator;
 use crate::mesh::mesh_sequence::MeshSequence;
 use crate::mesh::mesh_subdivide::MeshSubdivide;
@@ -68,6 +77,7 @@ use crate::scrape::relief::two_textures::TwoTextures;
 use crate::solid::mesh::revolved_mesh::RevolvedMesh;
 use crate::solid::mesh::surface_to_tets::SurfaceToTets;
 use crate::solid::mesh::tet_mesh_file::TetMeshFile;
+use crate::solid::model::analytic_modes::AnalyticModes;
 use crate::solid::model::modal_analysis::ModalAnalysis;
 use crate::solid::model::modal_model_file::ModalModelFile;
 use crate::solid::model::model_modes::ModelModes;
@@ -77,6 +87,7 @@ use crate::spatial::motion::pose_file::PoseFile;
 use crate::spatial::motion::vertex_pose::VertexPose;
 use crate::spatial::obstruction::occlusion::Occlusion;
 use crate::spatial::propagation::distance_gain::DistanceGain;
+use crate::table::table_out::TableOut;
 use crate::tension::tension_impact::TensionImpact;
 use crate::texture::class::histogram_class::HistogramClass;
 use crate::texture::figure::texture_figure::TextureFigure;
@@ -222,6 +233,7 @@ impl Registry {
             .family("io")
             .with::<io::nodes::WavInNode>()
             .with::<io::nodes::WavOutNode>()
+            .with::<TableOut>()
             .family("dsp")
             .with::<dsp::Advance>()
             .with::<dsp::nodes::BiquadNode>()
@@ -306,13 +318,23 @@ impl Registry {
             .with::<SupportContacts>()
             .with::<ModeDecayTimes>()
             .family("material")
+            .with_func::<DampingExperiment>()
             .with_func::<DampingFit>()
             .with_func::<DampingPointsFile>()
+            .with_func::<ElasticRatio>()
             .with_func::<FeatureGate>()
+            .with_func::<FitComparison>()
+            .with_func::<FitConvergence>()
+            .with_func::<HeldOutKnocks>()
+            .with_func::<IntervalCoverage>()
             .with_func::<MaterialFile>()
             .with::<MaterialBlend>()
             .with::<MaterialOut>()
+            .with_func::<MaterialTable>()
+            .with_func::<RatingStatistics>()
+            .with_func::<SpuriousFeatures>()
             .family("solid")
+            .with_func::<AnalyticModes>()
             .with_func::<ModalAnalysis>()
             .with_func::<ModalModelFile>()
             .with_func::<ModelModes>()

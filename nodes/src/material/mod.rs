@@ -5,6 +5,7 @@
 
 pub mod damping;
 pub mod estimation;
+pub mod experiments;
 pub mod fitting;
 pub mod library;
 pub mod points;

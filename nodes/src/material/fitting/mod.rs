@@ -1,4 +1,5 @@
-//! Estimators of damping as a node, and the figure of a fit.
+//! Estimators of damping and of stiffness as nodes, and the figure of a fit.
 
 pub mod damping_fit;
+pub mod elastic_ratio;
 mod figure;

@@ -2,6 +2,8 @@
 
 pub mod normal;
 pub mod ranks;
+pub mod rating_statistics;
+pub mod ratings;
 pub mod special;
 pub mod tests_of_means;
 

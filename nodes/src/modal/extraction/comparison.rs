@@ -98,18 +98,27 @@ pub fn compare(reference: &[f32], audio: &[f32], rate: f64) -> Comparison {
         10.0 * (difference.max(1e-30) / energy.max(1e-30)).log10()
     };
     let late = ((0.005 * rate) as usize).min(length / 2);
-    let first = ((FIRST * rate) as usize).min(length);
-    let [levels, start] = [length, first].map(|n| band_levels(&a[..n], &b[..n], rate));
-    let square = |b: &BandLevel| (b.audio_db - b.reference_db).clamp(-RANGE, RANGE).powi(2);
-    let spectral_distance_db = (start.iter().map(square).sum::<f64>() / start.len().max(1) as f64).sqrt();
     Comparison {
         onset,
         difference_db: difference_db(0),
         late_difference_db: difference_db(late),
-        levels,
+        levels: band_levels(&a, &b, rate),
         decays: band_decays(&a, &b, rate),
-        spectral_distance_db,
+        spectral_distance_db: spectral_distance_db(&a, &b, rate),
     }
+}
+
+/// Root mean square difference of the levels of thirds of an octave in the first 300 ms, dB, of sounds of one length that begin at the
+/// onset; of bands within 40 dB of the loudest of the reference.
+///
+/// # Complexity
+/// O(samples log samples).
+#[must_use]
+pub fn spectral_distance_db(reference: &[f64], audio: &[f64], rate: f64) -> f64 {
+    let first = ((FIRST * rate) as usize).min(reference.len()).min(audio.len());
+    let start = band_levels(&reference[..first], &audio[..first], rate);
+    let square = |b: &BandLevel| (b.audio_db - b.reference_db).clamp(-RANGE, RANGE).powi(2);
+    (start.iter().map(square).sum::<f64>() / start.len().max(1) as f64).sqrt()
 }
 
 /// Levels of thirds of an octave within 40 dB of the loudest of the reference.

@@ -14,6 +14,7 @@ pub mod modal_from_recording;
 mod noise_bands;
 mod noise_floor;
 pub mod onset;
+pub mod poles;
 mod refinement;
 pub mod report;
 pub mod sound_comparison;

@@ -1,5 +1,7 @@
 //! The modes of an object with their shapes on its surface, and what they sound like from contact points.
 
+pub mod analytic;
+pub mod analytic_modes;
 pub mod cull;
 pub mod modal_analysis;
 pub mod modal_model;

@@ -3,13 +3,13 @@
 use crate::core::random::Rng;
 use crate::solid::fem::assembly::Discretisation;
 use crate::solid::fem::block_matrix::BlockMatrix;
-use crate::solid::fem::elements::{Isotropic, Order};
+use crate::solid::fem::elements::Order;
 use crate::solid::fem::rigid::rigid_motions;
 use crate::solid::mesh::shapes::block;
 use crate::solid::mesh::tet_mesh::TetMesh;
 use faer::Mat;
 
-pub(super) const STEEL: Isotropic = Isotropic { young: 200e9, poisson: 0.3, density: 7850.0 };
+pub(super) use crate::solid::model::analytic::STEEL;
 const ORDERS: [Order; 2] = [Order::Linear, Order::Quadratic];
 
 /// A block whose inner nodes are moved.

@@ -1,0 +1,224 @@
+//! Features of synthetic sounds of known damping, without their audio.
+
+use crate::core::random::Rng;
+use crate::material::estimation::point::DampingPoint;
+use crate::material::statistics::normal::normal_quantile;
+use std::f64::consts::{PI, TAU};
+
+/// Range of the fundamental frequencies of objects, Hz.
+const FUNDAMENTAL: [f64; 2] = [150.0, 1500.0];
+/// Highest frequency of a mode, Hz.
+const HIGHEST: f64 = 16_000.0;
+/// Maximum number of modes of an object.
+const MAX_MODES: usize = 60;
+/// Range of `a1`, 1/s, and of `a2`, s: the span of the paper's table 1.
+const MATERIALS: [[f64; 2]; 2] = [[1.0, 40.0], [1e-8, 1.5e-7]];
+/// Range of the mean support damping, 1/s.
+const SUPPORT: [f64; 2] = [2.0, 30.0];
+/// Weights of the squared displacement along the normal and along two tangents.
+const DIRECTIONS: [f64; 3] = [1.0, 0.25, 0.25];
+/// Duration of the half sine of the impact, s.
+const IMPACT: f64 = 3e-4;
+/// Level below that of the loudest mode from which on modes are not found, dB.
+const QUIETEST: f64 = -50.0;
+/// Largest damping of a feature, 1/s: twice the `d_max` of the gate.
+const FASTEST: f64 = 1000.0;
+/// Range of the dampings of spurious features, 1/s.
+pub const SPURIOUS: [f64; 2] = [0.5, 500.0];
+
+/// A standard normal variable.
+pub fn normal(rng: &mut Rng) -> f64 {
+    normal_quantile(rng.between(1e-12, 1.0))
+}
+
+fn log_uniform(rng: &mut Rng, [low, high]: [f64; 2]) -> f64 {
+    low * libm::pow(high / low, rng.uniform())
+}
+
+/// A damping of a spurious feature: log-uniform, 1/s.
+pub fn spurious_damping(rng: &mut Rng) -> f64 {
+    log_uniform(rng, SPURIOUS)
+}
+
+/// `n` independent points of a Rayleigh curve `[a1, a2, sigma, eta]` with frequencies log-uniform from 200 Hz to 15 kHz.
+pub fn independent_points(rng: &mut Rng, n: usize, [a1, a2, sigma, eta]: [f64; 4]) -> Vec<DampingPoint> {
+    (0..n)
+        .map(|_| {
+            let frequency = 200.0 * libm::pow(75.0, rng.uniform());
+            let lambda = (TAU * frequency).powi(2);
+            let excess = -libm::log(1.0 - rng.uniform()) / eta;
+            let noise = sigma * normal(rng);
+            DampingPoint::new(lambda, (a1 + a2 * lambda + excess + noise).max(1e-3))
+        })
+        .collect()
+}
+
+/// Size of a collection of sounds of one material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CollectionSize {
+    /// Number of objects: bars, plates and shells in turn.
+    pub objects: usize,
+    /// Number of supports of each object.
+    pub supports: usize,
+    /// Number of sounds of each object.
+    pub sounds: usize,
+}
+
+/// Sounds of objects of one material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Collection {
+    /// `a1` in 1/s and `a2` in s of the material.
+    pub truth: [f64; 2],
+    /// The features of each sound, without errors.
+    pub sounds: Vec<Vec<DampingPoint>>,
+}
+
+/// Natural frequencies of an object up to 16 kHz, at most 60, Hz.
+///
+/// A free bar has `((2 k + 1) / 3)^2` times its fundamental, a simply supported plate `(m^2 + (a n / b)^2) / (1 + (a / b)^2)` times, and
+/// a shell modes at random, log-uniform.
+fn frequencies(rng: &mut Rng, kind: usize) -> Vec<f64> {
+    let fundamental = log_uniform(rng, FUNDAMENTAL);
+    let mut all: Vec<f64> = match kind % 3 {
+        0 => (1..=MAX_MODES).map(|k| fundamental * ((2 * k + 1) as f64 / 3.0).powi(2)).collect(),
+        1 => {
+            let aspect = rng.between(1.0, 2.0).powi(2);
+            let ratio = |m: usize, n: usize| ((m * m) as f64 + aspect * (n * n) as f64) / (1.0 + aspect);
+            (1..=16).flat_map(|m| (1..=16).map(move |n| fundamental * ratio(m, n))).collect()
+        }
+        _ => (0..40).map(|_| log_uniform(rng, [fundamental, HIGHEST])).collect(),
+    };
+    all.retain(|f| *f <= HIGHEST);
+    all.sort_by(f64::total_cmp);
+    all.truncate(MAX_MODES);
+    all
+}
+
+/// Relative support damping of a mode: a sum of squares of displacements, of mean 1.
+///
+/// Its gamma shape by moments is 1, as that of contacts with a friction of 0.5, but it is not exponential.
+fn support_damping(rng: &mut Rng) -> f64 {
+    let sum: f64 = DIRECTIONS.iter().map(|w| w * normal(rng).powi(2)).sum();
+    sum / DIRECTIONS.iter().sum::<f64>()
+}
+
+/// Spectrum of the impact, relative to that at 0 Hz.
+fn impact_spectrum(frequency: f64) -> f64 {
+    let x = 2.0 * frequency * IMPACT;
+    let rest = 1.0 - x * x;
+    if rest.abs() < 1e-6 { PI / 4.0 } else { (libm::cos(0.5 * PI * x) / rest).abs() }
+}
+
+impl Collection {
+    /// The sounds of one random material.
+    ///
+    /// `a1` is log-uniform in 1 to 40 1/s and `a2` in 1e-8 to 1.5e-7 s. A support has a mean damping log-uniform in 2 to 30 1/s, and
+    /// dampings of its modes that are the same in every sound. A sound is an impact at a random point of a random object on a random one
+    /// of its supports: modes within 50 dB of the loudest are found, those that decay faster than 500 1/s are not.
+    ///
+    /// # Source
+    /// Sterling et al. (IEEE TVCG 25(5), 2019), section 5.3, with modes from formulas in place of finite elements.
+    #[must_use]
+    pub fn new(rng: &mut Rng, size: &CollectionSize) -> Self {
+        let truth = MATERIALS.map(|range| log_uniform(rng, range));
+        let mut sounds = Vec::new();
+        for object in 0..size.objects {
+            let modes = frequencies(rng, object);
+            let supports: Vec<Vec<f64>> = (0..size.supports.max(1))
+                .map(|_| {
+                    let mean = log_uniform(rng, SUPPORT);
+                    modes.iter().map(|_| mean * support_damping(rng)).collect()
+                })
+                .collect();
+            for _ in 0..size.sounds {
+                let support = &supports[rng.below(supports.len())];
+                let level: Vec<f64> =
+                    modes.iter().map(|f| (normal(rng) * impact_spectrum(*f)).abs()).collect();
+                let quietest = level.iter().copied().fold(0.0, f64::max) * libm::pow(10.0, QUIETEST / 20.0);
+                let recording = sounds.len() as u32;
+                let feature = |(k, f): (usize, &f64)| {
+                    let lambda = (TAU * f).powi(2);
+                    let c = truth[0] + truth[1] * lambda + support[k];
+                    let found = level[k] >= quietest && c <= FASTEST && c < 1.999 * lambda.sqrt();
+                    let mode_cluster = (object * MAX_MODES + k) as u32;
+                    found.then_some(DampingPoint { recording, mode_cluster, ..DampingPoint::new(lambda, c) })
+                };
+                sounds.push(modes.iter().enumerate().filter_map(feature).collect());
+            }
+        }
+        Self { truth, sounds }
+    }
+
+    /// The same with errors: dampings times `1 + noise N(0, 1)`, with their standard deviation, and a share of spurious features, whose
+    /// damping is log-uniform from 0.5 to 500 1/s.
+    #[must_use]
+    pub fn with_errors(&self, rng: &mut Rng, noise: f64, spurious: f64) -> Self {
+        let mut out = self.clone();
+        for p in out.sounds.iter_mut().flatten() {
+            p.c *= (1.0 + noise * normal(rng)).max(0.01);
+            p.sd_c = noise * p.c;
+            if rng.uniform() < spurious {
+                p.c = spurious_damping(rng);
+                p.sd_c = noise * p.c;
+            }
+            p.c = p.c.max(SPURIOUS[0]);
+        }
+        out
+    }
+
+    /// The features of `count` different sounds, drawn at random.
+    #[must_use]
+    pub fn draw(&self, rng: &mut Rng, count: usize) -> Vec<DampingPoint> {
+        let mut order: Vec<usize> = (0..self.sounds.len()).collect();
+        let count = count.min(order.len());
+        for k in 0..count {
+            let other = k + rng.below(order.len() - k);
+            order.swap(k, other);
+        }
+        let chosen = order[..count].iter().enumerate();
+        let own = |(recording, sound): (usize, &usize)| {
+            let features = self.sounds[*sound].iter();
+            features.map(move |p| DampingPoint { recording: recording as u32, ..*p })
+        };
+        chosen.flat_map(own).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sounds_lie_above_the_curve_of_their_material() {
+        let size = CollectionSize { objects: 3, supports: 4, sounds: 20 };
+        let all = Collection::new(&mut Rng::new(3), &size);
+        assert_eq!(all.sounds.len(), 60);
+        let curve = |lambda: f64| all.truth[0] + all.truth[1] * lambda;
+        assert!(all.sounds.iter().flatten().all(|p| p.c >= curve(p.lambda)));
+        let mean = all.sounds.iter().map(Vec::len).sum::<usize>() as f64 / 60.0;
+        assert!((5.0..60.0).contains(&mean), "{mean}");
+        let noisy = all.with_errors(&mut Rng::new(4), 0.1, 0.2);
+        assert!(noisy.sounds.iter().flatten().any(|p| p.c < curve(p.lambda)));
+    }
+
+    #[test]
+    fn support_dampings_have_the_shape_of_friction() {
+        let mut rng = Rng::new(5);
+        let all: Vec<f64> = (0..20_000).map(|_| support_damping(&mut rng)).collect();
+        let mean = all.iter().sum::<f64>() / 20_000.0;
+        let variance = all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 20_000.0;
+        assert!(
+            (mean - 1.0).abs() < 0.03 && (mean * mean / variance - 1.0).abs() < 0.06,
+            "{mean} {variance}"
+        );
+    }
+
+    #[test]
+    fn a_draw_has_each_sound_once() {
+        let size = CollectionSize { objects: 2, supports: 1, sounds: 5 };
+        let all = Collection::new(&mut Rng::new(7), &size);
+        let points = all.draw(&mut Rng::new(1), 10);
+        assert_eq!(points.len(), all.sounds.iter().map(Vec::len).sum::<usize>());
+        assert!(all.draw(&mut Rng::new(1), 1).iter().all(|p| p.recording == 0));
+    }
+}
