@@ -74,7 +74,7 @@ mod tests {
             let all = contacts(view, &[point], &[], &[], 100.0).unwrap()[0];
             let apart = (0..3).map(|k| (found.position(view)[k] - all.position(view)[k]).abs());
             assert!(apart.fold(0.0, f64::max) < 1e-6, "{point:?}");
-            assert!(distance >= 0.0 && distance < 0.3);
+            assert!((0.0..0.3).contains(&distance));
             // Inwards, so towards the centre.
             let towards: f64 = (0..3).map(|k| found.direction[k] * found.position(view)[k]).sum();
             assert!(towards < 0.0);
