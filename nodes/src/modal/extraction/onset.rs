@@ -206,7 +206,8 @@ mod tests {
     #[test]
     fn an_impact_after_a_softer_sound_begins_where_it_is_loud() {
         // The recording begins within a sound of a hundredth of the power, such as that of a hand that reaches for the object.
-        let mut samples: Vec<f32> = (0..22_050).map(|n| 0.02 * libm::sinf(0.9 * (n * n % 977) as f32)).collect();
+        let mut samples: Vec<f32> =
+            (0..22_050).map(|n| 0.02 * libm::sinf(0.9 * (n * n % 977) as f32)).collect();
         ring(&MODES, 1800, &mut samples);
         let found = onsets(&samples, 44_100.0);
         assert!(found.len() == 1 && found[0].abs_diff(1800) < 50, "{found:?}");

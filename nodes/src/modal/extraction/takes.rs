@@ -1,6 +1,7 @@
 //! Lists of takes: recordings of impacts with what was struck, held and used, from a table.
 
 use crate::core::files::strip_bom;
+use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
 /// Maximum number of takes of a list.
@@ -10,7 +11,8 @@ const MAX_TEXT: usize = 500;
 const COLUMNS: &str = "file, and optionally object, material, support, hit, striker, licence";
 
 /// One recording of impacts on an object.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Take {
     /// Path of the recording, relative to the list.
     pub file: String,
@@ -59,7 +61,10 @@ pub fn read_takes(bytes: &[u8]) -> Result<Vec<Take>, String> {
             return Err(format!("line 1: column {:?} occurs twice", excerpt(name)));
         }
         columns.push(field(name).ok_or_else(|| {
-            format!("line 1: there is no column {:?} in a list of takes; columns are {COLUMNS}", excerpt(name))
+            format!(
+                "line 1: there is no column {:?} in a list of takes; columns are {COLUMNS}",
+                excerpt(name)
+            )
         })?);
     }
     if !header.iter().any(|name| name == "file") {
