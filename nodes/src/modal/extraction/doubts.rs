@@ -1,16 +1,16 @@
 //! Reasons to doubt the modes of a recording.
 
 use super::extract::Extracted;
+use super::feature::Feature;
+use super::room::{Room, suspicion};
 
 /// Number of samples in a row at the peak that are clipped.
 const CLIPPED: usize = 3;
 /// Largest relative standard deviation of a certain decay rate.
 pub(super) const UNCERTAINTY: f64 = 0.3;
-/// Decay rate below which that of a room is suspected, as multiples of the slowest mode.
-const ROOM: f64 = 1.3;
 
-/// Warnings of one impact.
-pub(super) fn doubts(samples: &[f32], found: &Extracted) -> Vec<String> {
+/// Warnings of one impact at `rate` samples a second in a room, whose decay may be unknown.
+pub(super) fn doubts(samples: &[f32], rate: f64, found: &Extracted, room: &Room) -> Vec<String> {
     let mut out = Vec::new();
     let peak = samples.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
     // The crest of a wave that decays reaches the peak once; what is clipped does so again and again.
@@ -19,18 +19,20 @@ pub(super) fn doubts(samples: &[f32], found: &Extracted) -> Vec<String> {
     if clipped > 1 {
         out.push(format!("clipped in {clipped} stretches: record with less gain"));
     }
-    let mut decays: Vec<f64> =
-        found.features.iter().filter(|f| f.is_certain(UNCERTAINTY)).map(|f| f.decay).collect();
-    decays.sort_by(f64::total_cmp);
-    // In a room nothing decays more slowly than its sound: the slow half of the modes has one decay.
-    if decays.len() >= 8 && decays[0] > 5.0 && decays[decays.len() / 2] < ROOM * decays[0] {
+    let certain: Vec<Feature> =
+        found.features.iter().filter(|f| f.is_certain(UNCERTAINTY)).copied().collect();
+    if room.bands().is_empty() {
+        out.extend(suspicion(&certain, samples, rate));
+    }
+    let object = certain.iter().filter(|f| room.leaves(f)).count();
+    if object < certain.len() {
         out.push(format!(
-            "half of the modes decay at {:.1} to {:.1} 1/s at all frequencies, as the sound of a room does: record in a dry room",
-            decays[0],
-            decays[decays.len() / 2]
+            "{} of {} modes decay like the room or faster and are left out: what they say of the material is lost",
+            certain.len() - object,
+            certain.len()
         ));
     }
-    if decays.is_empty() {
+    if object == 0 {
         out.push(
             "no mode has a certain decay, so it says nothing of the material: strike harder, or hold the object more loosely"
                 .into(),

@@ -13,12 +13,13 @@ const SKIP: f64 = 0.005;
 const SEARCHED: f64 = 0.2;
 /// Power of a peak relative to the noise, and of the frames in which it is fitted.
 const OVER_NOISE: f64 = 10.0;
-/// Rejected candidates in a row that end the search.
-const MAX_REJECTS: usize = 5;
+/// Rejected candidates in a row that end the search. With few, the search ends beside the first modes that interfere: with 5 and a
+/// residual of 0.25, as for modes that stand alone, half of 114 recordings of impacts have no mode.
+const MAX_REJECTS: usize = 60;
 /// Number of modes after which the amplitudes of all are fitted again.
 const REFIT: usize = 10;
-/// Largest relative residual of a fit.
-const MAX_RESIDUAL: f64 = 0.25;
+/// Largest relative residual of a fit: what it leaves may be other modes.
+const MAX_RESIDUAL: f64 = 0.5;
 /// Smallest decay over the fitted frames, nepers: 3 dB.
 const LEAST_DECAY: f64 = 0.345;
 /// Largest decay within a window, nepers.
@@ -73,15 +74,13 @@ pub(super) fn greedy(
     let mut rejects = 0;
     while found.len() < modes && rejects < MAX_REJECTS && energy(&residual[first..]) > enough {
         let Some((level, bin)) = candidate(&spectrograms, rate, limits) else { break };
-        let omega = TAU * bin as f64 / spectrograms.levels[level].window as f64;
-        let fit = start(&spectrograms.levels[level], bin)
-            .and_then(|s| best_fit(&spectrograms, s))
+        let fit = best_fit(&spectrograms, level, bin)
             .filter(|fit| accepted(fit, rate, limits, &found))
             .map(|fit| (fit.s, fit.a * exp(-fit.s * first as f64)))
             .filter(|(_, a)| a.norm() <= largest);
         let Some((s, a)) = fit else {
             rejects += 1;
-            spectrograms.mask(omega, level, 2 * NEAR + 1);
+            spectrograms.mask(level, bin);
             continue;
         };
         rejects = 0;
@@ -89,6 +88,8 @@ pub(super) fn greedy(
         if found.len() % REFIT == 0 {
             residual = without_all(x, &found);
             spectrograms.transform(&residual);
+            // What was rejected beside a mode may stand alone now.
+            spectrograms.unmask();
         } else {
             add(&mut residual, &[s], &[-a]);
             spectrograms.subtract(s, a);
@@ -156,10 +157,21 @@ fn start(level: &Level, bin: usize) -> Option<C> {
     Some(C::new(-decay, (ratio.arg() + TAU * turns) / hop))
 }
 
-/// The fit with the smallest residual over the resolutions.
-fn best_fit(spectrograms: &Spectrograms, s: C) -> Option<Fit> {
-    let usable = spectrograms.levels.iter().filter(|level| -s.re * level.window as f64 <= MAX_IN_WINDOW);
-    usable.filter_map(|level| fit(level, s)).min_by(|a, b| a.residual.total_cmp(&b.residual))
+/// The fit with the smallest residual over the resolutions, each from the largest peak within a bin of the candidate.
+fn best_fit(spectrograms: &Spectrograms, level: usize, bin: usize) -> Option<Fit> {
+    let window = spectrograms.levels[level].window;
+    let of_level = |level: &Level| {
+        let centre = level.bin(TAU * bin as f64 / window as f64);
+        let reach = level.window.div_ceil(window);
+        let power = |bin: &usize| (0..level.frames.min(2)).map(|t| level.at(t, *bin).norm_sqr()).sum::<f64>();
+        let near = centre.saturating_sub(reach).max(1)..(centre + reach + 1).min(level.bins() - 1);
+        let peak = near.max_by(|a, b| power(a).total_cmp(&power(b)))?;
+        start(level, peak)
+            .filter(|s| -s.re * level.window as f64 <= MAX_IN_WINDOW)
+            .and_then(|s| fit(level, s))
+    };
+    let fits = spectrograms.levels.iter().filter_map(of_level);
+    fits.min_by(|a, b| a.residual.total_cmp(&b.residual))
 }
 
 /// Products of the model and the spectra around one bin.

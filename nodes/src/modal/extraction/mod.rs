@@ -20,6 +20,7 @@ pub mod one_object;
 pub mod onset;
 mod refinement;
 pub mod report;
+pub mod room;
 pub mod sound_comparison;
 mod sources;
 mod spectrograms;

@@ -6,6 +6,7 @@ use super::feature::{FeatureSet, FeatureSets};
 use super::one_object::{ONE_OBJECT, TakeSound, compare_takes, median_of_take};
 use super::onset::{impacts, onset};
 use super::report::{ExtractionReport, PICTURE, RINGING, RecordingReport, spectrogram};
+use super::room::Room;
 use super::sources::{Source, Sources};
 use super::surrogate::surrogate;
 use crate::core::fault::{Fault, Reject};
@@ -65,6 +66,9 @@ params! {
     /// Takes of one object have the same poles: modes of one take explain another up to a tenth of its energy, with other
     /// amplitudes. The summary names takes that do not fit to the others.
     ///
+    /// A room adds poles of its own around each mode, and hides modes that decay faster than its sound. With its reverberation time,
+    /// typed or measured, modes that decay at 0.6 of its rate `6.908 / T60` or faster are left out.
+    ///
     /// # Source
     /// Sirdey et al., "Modal analysis of impact sounds with ESPRIT in Gabor transforms" (DAFx 2011); Sterling et al.,
     /// "Audio-material reconstruction for virtualized reality using a probabilistic damping model" (IEEE TVCG 25(5), 2019), section 4.1.
@@ -86,13 +90,17 @@ params! {
         /// Method that finds the modes.
         extractor: Search = Search::Subband;
         /// Share of the energy above the noise at which `Greedy` ends.
-        target: f64 = 0.95, unit "", range 0.01..=1.0;
+        target: f64 = 0.999, unit "", range 0.01..=1.0;
         /// Maximum number of modes of each recording.
         count: usize = 64, unit "modes", range 1..=1024;
         /// Lowest frequency of a mode.
         lowest: f64 = 20.0, unit "Hz", range 1.0..=100_000.0;
         /// Highest frequency of a mode; at most 0.45 of the recording's rate.
         highest: f64 = 20_000.0, unit "Hz", range 2.0..=200_000.0;
+        /// Frequency (Hz) and reverberation time (s) of bands of the room.
+        room: Vec<[f64; 2]> = Vec::new(), unit "Hz, s", range 0.001..=100_000.0;
+        /// Recording of a clap in the room, of which the reverberation time is measured.
+        room_recording: Option<AssetPath> = None;
         /// True to compare each recording with its surrogate, which takes as long as the recording.
         surrogate: bool = true;
         /// True to compare each take with up to eight others of its object.
@@ -117,6 +125,8 @@ pub struct ModalFeatures;
 
 const RECORDINGS: RecordingParam =
     RecordingParam { name: "recordings", code: "F077", max: MaxLength::Seconds(60) };
+const ROOM: RecordingParam =
+    RecordingParam { name: "room_recording", code: "F077", max: MaxLength::Seconds(60) };
 /// Maximum number of unusable recordings that an error lists.
 const MAX_LISTED: usize = 8;
 
@@ -130,6 +140,18 @@ impl ModalFeaturesParams {
             material: &self.material.0,
             code: RECORDINGS.code,
         }
+    }
+
+    /// The room, typed or measured.
+    fn room(&self, cx: &Build<'_>) -> Result<Room, Fault> {
+        let Some(AssetPath(path)) = &self.room_recording else { return Ok(Room::new(self.room.clone())) };
+        let (samples, info) = ROOM.read_mono(cx, path)?;
+        let room = Room::measured(&samples, f64::from(info.rate));
+        if room.bands().is_empty() {
+            let reject = ROOM.unusable(path, "no octave decays by 25 dB above the noise");
+            return Err(reject.help("record a clap or a balloon that bursts, with 2 s after it").into());
+        }
+        Ok(room)
     }
 
     fn extract_params(&self) -> ExtractParams {
@@ -159,7 +181,13 @@ struct Found {
 
 impl Found {
     /// Adds the impacts of one recording.
-    fn add(&mut self, p: &ModalFeaturesParams, cx: &Build<'_>, source: &Source) -> Result<(), Fault> {
+    fn add(
+        &mut self,
+        p: &ModalFeaturesParams,
+        cx: &Build<'_>,
+        source: &Source,
+        room: &Room,
+    ) -> Result<(), Fault> {
         let Source { path, field, take } = source;
         let unusable = |name: &str, problem: String| RECORDINGS.unusable(name, problem).at(field);
         let at_field = |e: Fault| Fault { field: Some(field.clone()), ..e };
@@ -196,8 +224,8 @@ impl Found {
             });
             let wide: Vec<f64> = after.iter().map(|x| f64::from(*x)).collect();
             let (pixels, seconds) = spectrogram(&wide, rate);
-            let certain: Vec<_> =
-                found.features.iter().filter(|f| f.is_certain(UNCERTAINTY)).copied().collect();
+            let certain = found.features.iter().filter(|f| f.is_certain(UNCERTAINTY) && room.leaves(f));
+            let certain: Vec<_> = certain.copied().collect();
             self.reports.push(RecordingReport {
                 recording: name.clone(),
                 take: take.clone(),
@@ -209,7 +237,7 @@ impl Found {
                 surrogate_db,
                 ringing: surrogate_db.map(|db| found.residual_db <= db - RINGING),
                 by_other_takes_db: None,
-                warnings: doubts(sound, &found),
+                warnings: doubts(sound, rate, &found, room),
                 features: certain.clone(),
                 picture: Image::grey(PICTURE, &pixels).unwrap_or_default(),
                 seconds,
@@ -261,6 +289,13 @@ impl Func for ModalFeatures {
             let message = format!("`highest` is {} Hz, `lowest` {} Hz", p.highest, p.lowest);
             s.wrong(Reject::new("F077", message).at("highest").help("it must be more"));
         }
+        if let Some(AssetPath(path)) = &p.room_recording {
+            ROOM.check_one(s, ROOM.name, path);
+            if !p.room.is_empty() {
+                let reject = Reject::new("F077", "both `room` and `room_recording` are given").at("room");
+                s.wrong(reject.help("leave out one of both"));
+            }
+        }
         let sources = p.sources().all(s)?;
         for source in &sources {
             if !RECORDINGS.check_one(s, &source.field, &source.path) {
@@ -281,9 +316,10 @@ impl Func for ModalFeatures {
 
     fn eval(p: &ModalFeaturesParams, cx: &Build<'_>, mut io: ModalFeaturesIo<'_>) -> Result<Summary, Fault> {
         let mut found = Found::default();
+        let room = p.room(cx)?;
         let sources = cx.prepared::<Vec<Source>>().unwrap_or_default();
         for source in sources.iter() {
-            found.add(p, cx, source)?;
+            found.add(p, cx, source, &room)?;
         }
         let unusable = found.check_unusable(p.unusable)?;
         let pairs = compare_takes(&found.sounds);
@@ -327,6 +363,7 @@ impl Func for ModalFeatures {
         let params = ModalFeaturesParams {
             recordings: if from_list { vec!["hit.wav".into()] } else { Vec::new() },
             folder: None,
+            room_recording: None,
             manifest: (!from_list).then(|| "takes.csv".into()),
             material: "".into(),
             split: Split::First,

@@ -150,13 +150,16 @@ impl Spectrograms {
         self.levels.iter_mut().for_each(|level| level.subtract(s, a));
     }
 
-    /// Excludes the bins around a frequency from the search, `width` bins of `level` wide.
-    pub(super) fn mask(&mut self, omega: f64, level: usize, width: usize) {
-        let half = 0.5 * width as f64 * TAU / self.levels[level].window as f64;
-        for level in &mut self.levels {
-            let (low, high) = (level.bin(omega - half), level.bin(omega + half));
-            level.masked[low..=high].fill(true);
-        }
+    /// Excludes the bins around a bin of a level from the search.
+    pub(super) fn mask(&mut self, level: usize, bin: usize) {
+        let level = &mut self.levels[level];
+        let end = (bin + NEAR + 1).min(level.masked.len());
+        level.masked[bin.saturating_sub(NEAR)..end].fill(true);
+    }
+
+    /// Includes all bins again.
+    pub(super) fn unmask(&mut self) {
+        self.levels.iter_mut().for_each(|level| level.masked.fill(false));
     }
 }
 
