@@ -21,7 +21,9 @@ const FLAT: f64 = 0.5;
 /// Share of modes beside louder and slower ones from which on a room is suspected, and their least number.
 const SATELLITES: (f64, usize) = (0.2, 6);
 /// Ratio of the decay times of octaves below which they are those of a room, and their least number.
-const UNIFORM: (f64, usize) = (1.3, 5);
+const UNIFORM: (f64, usize) = (1.3, 6);
+/// Lowest octave that counts for that, Hz: below, rooms ring longer.
+const LOWEST: f64 = 200.0;
 
 /// Reverberation times of a room over frequency.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -110,7 +112,8 @@ pub(super) fn suspicion(certain: &[Feature], samples: &[f32], rate: f64) -> Opti
             decays[0]
         ));
     }
-    let times: Vec<f64> = octave_decays(samples, rate).into_iter().map(|[_, t]| t).collect();
+    let times: Vec<f64> =
+        octave_decays(samples, rate).into_iter().filter(|b| b[0] > LOWEST).map(|b| b[1]).collect();
     let (least, most) = times.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), t| (a.min(*t), b.max(*t)));
     (times.len() >= UNIFORM.1 && most < UNIFORM.0 * least).then(|| {
         format!("all octaves decay by 60 dB in {least:.2} to {most:.2} s, as the sound of a room does: record in a dry room, or state `room`")
