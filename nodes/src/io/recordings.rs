@@ -47,7 +47,8 @@ impl RecordingParam {
             MaxLength::Seconds(max) => (max * u64::from(reader.info().rate), format!(" ({max} s)")),
         };
         if frames > max {
-            return Err(self.unusable(path, format!("{frames} frames; at most {max}{reason} are read")));
+            let reject = self.unusable(path, format!("{frames} frames; at most {max}{reason} are read"));
+            return Err(reject.help("cut it into shorter files"));
         }
         Ok(reader)
     }

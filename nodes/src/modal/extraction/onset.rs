@@ -20,6 +20,8 @@ const RANGE: f64 = 35.0;
 const SHARE: f64 = 0.6;
 /// Level of an onset relative to the loudest frame, dB.
 const LOUD: f64 = -30.0;
+/// The same at the start of a recording, where nothing precedes it that it could rise above.
+const LOUD_START: f64 = -20.0;
 /// Time before an onset that belongs to the impact, s.
 const MARGIN: f64 = 0.002;
 /// Milliseconds over which an impact may be soft before it becomes loud again.
@@ -84,7 +86,8 @@ fn rises(samples: &[f32], rate: f64) -> Vec<usize> {
             levels[t][*b] > (max + RISE).max(maximum[*b] - RANGE)
         };
         let rising = (0..bands).filter(rises).count();
-        rising as f64 >= SHARE * bands as f64 && total(&levels[t]) > 10_f64.powf(0.1 * LOUD) * loudest
+        let least = if history.is_empty() { LOUD_START } else { LOUD };
+        rising as f64 >= SHARE * bands as f64 && total(&levels[t]) > 10_f64.powf(0.1 * least) * loudest
     };
     // Of rises within 50 ms the first one counts, unless a later one is much louder: then the first was no impact.
     let mut starts: Vec<usize> = Vec::new();
