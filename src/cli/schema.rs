@@ -144,6 +144,7 @@ fn takes(kind: &ParamKind, spec: &ParamSpec) -> Value {
         ParamKind::Float => number("number"),
         ParamKind::Text => json!({"type": "string"}),
         ParamKind::Asset => json!({"type": "string", "x-path": "input"}),
+        ParamKind::Folder => json!({"type": "string", "x-path": "input folder"}),
         ParamKind::Output => json!({"type": "string", "x-path": "output"}),
         ParamKind::Rate => json!({"type": ["number", "string"], "x-unit": "Hz"}),
         ParamKind::Choice(names) => json!({"enum": names.iter().map(|(n, _)| *n).collect::<Vec<_>>()}),

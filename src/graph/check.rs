@@ -227,7 +227,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
 
 /// The value as a parameter reads it; paths are made relative to the working folder.
 fn datum(given: &Given, spec: &ParamSpec, loader: &mut Loader) -> Option<Datum> {
-    let path = matches!(spec.kind.innermost(), ParamKind::Asset);
+    let path = matches!(spec.kind.innermost(), ParamKind::Asset | ParamKind::Folder);
     let value = bare_text(given, &spec.kind, loader).unwrap_or_else(|| given.value.clone());
     convert(&value, given, path, loader)
 }
@@ -241,7 +241,7 @@ fn bare_text(given: &Given, kind: &ParamKind, loader: &Loader) -> Option<Value> 
         (ParamKind::Maybe(inner), _) => *inner,
         (kind, _) => kind,
     };
-    let takes = matches!(kind, ParamKind::Text | ParamKind::Asset | ParamKind::Output);
+    let takes = matches!(kind, ParamKind::Text | ParamKind::Asset | ParamKind::Folder | ParamKind::Output);
     let value = || Value { span: given.location.span.clone(), value: ValueKind::Str(text.to_owned()) };
     (takes && !quoted).then(value)
 }

@@ -20,7 +20,7 @@ pub use load::{load, load_text};
 pub use loader::{LoadOptions, Loaded, SCHEMA, Texts, read_text};
 pub use outputs::{output_path, written};
 pub use parameters::message_source;
-pub use root::{Asked, DirFiles, Limits, Root, Stamp, matching};
+pub use root::{Asked, DirFiles, Limits, Root, Stamp, files_in, matching};
 pub use suggest::nearest;
 pub use values::Override;
 

@@ -56,6 +56,8 @@ pub struct Asked {
     pub files: BTreeMap<PathBuf, Option<Stamp>>,
     /// Patterns of numbered sequences.
     pub sequences: BTreeSet<String>,
+    /// Folders whose files were listed.
+    pub folders: BTreeSet<PathBuf>,
 }
 
 /// Properties of a file that identify its content without reading it.
@@ -117,9 +119,13 @@ impl Root {
         Ok(())
     }
 
-    /// Allows a file that the user named on the command line, and what belongs to it: the faces of a point cache and the
-    /// buffer of a glTF of the same name beside it, or all frames of a numbered sequence.
+    /// Allows a file or folder that the user named on the command line, and what belongs to it: the faces of a point cache and the
+    /// buffer of a glTF of the same name beside it, all frames of a numbered sequence, or all files in the folder.
     pub fn allow_named(&mut self, file: &Path) {
+        if file.is_dir() {
+            let _ = self.allow_folder(file);
+            return;
+        }
         if file.to_string_lossy().contains('#') {
             let frames = matching(&file.to_string_lossy()).unwrap_or_default();
             self.files.extend(frames.into_iter().filter_map(|(_, frame)| fs::canonicalize(frame).ok()));
@@ -299,9 +305,42 @@ impl Files for DirFiles {
         sorted_sequence(pattern, found.collect())
     }
 
+    fn folder(&self, path: &str) -> Result<Vec<String>, FileError> {
+        self.root.asked.lock().unwrap_or_else(PoisonError::into_inner).folders.insert(path.into());
+        let error = |code, message| Err(FileError { code, message });
+        let real = self.root.real(path)?;
+        if !real.is_dir() {
+            return error("F064", format!("{path:?} is a file, not a folder"));
+        }
+        match files_in(&real) {
+            Ok(names) if names.len() > MAX_FILES => {
+                error("F063", format!("{path:?} has {} files, the limit is {MAX_FILES}", names.len()))
+            }
+            Ok(names) => Ok(names.iter().map(|name| join(Path::new(path), name)).collect()),
+            Err(e) => error("F061", format!("cannot list the files in {path:?}: {e}")),
+        }
+    }
+
     fn shared(&self) -> Option<Arc<dyn Files>> {
         Some(Arc::new(self.clone()))
     }
+}
+
+/// Maximum number of files in a folder that is read as a whole.
+const MAX_FILES: usize = 100_000;
+
+/// The names of the plain files in a folder, without hidden ones, in order.
+///
+/// # Errors
+/// When the folder cannot be listed.
+pub fn files_in(folder: &Path) -> std::io::Result<Vec<String>> {
+    let plain = |entry: fs::DirEntry| {
+        let name = entry.file_name().into_string().ok()?;
+        (!name.starts_with('.') && entry.path().is_file()).then_some(name)
+    };
+    let mut names: Vec<String> = fs::read_dir(folder)?.flatten().filter_map(plain).collect();
+    names.sort();
+    Ok(names)
 }
 
 /// The files whose names fit the pattern of a sequence, with their numbers, in no order.
@@ -403,5 +442,29 @@ mod tests {
         assert!(named.sequence(base.join("other/#.obj").to_str().unwrap()).is_err());
         assert_eq!(files.shared().unwrap().bytes(&found[0].1).unwrap(), b"x");
         assert_eq!(files.opened().len(), 1);
+    }
+
+    #[test]
+    fn folders_are_listed_inside_the_root_in_order_and_without_hidden_files() {
+        let dir = tempfile::tempdir().unwrap();
+        let base = dir.path();
+        fs::create_dir_all(base.join("knocks/deeper")).unwrap();
+        fs::create_dir_all(base.join("other")).unwrap();
+        for name in ["knocks/b.wav", "knocks/a.wav", "knocks/.c.wav", "other/d.wav"] {
+            fs::write(base.join(name), b"x").unwrap();
+        }
+        let list = |files: &DirFiles, p: &str| {
+            let found = files.folder(base.join(p).to_str().unwrap()).map_err(|e| e.code)?;
+            Ok(found.iter().map(|f| f.rsplit('/').next().unwrap_or_default().to_owned()).collect::<Vec<_>>())
+        };
+        let files = DirFiles::new(Root::of(&base.join("knocks/graph.ron")), Limits::default());
+        assert_eq!(list(&files, "knocks").unwrap(), ["a.wav", "b.wav"]);
+        assert_eq!(list(&files, "knocks/a.wav"), Err("F064"));
+        assert_eq!((list(&files, "none"), list(&files, "other")), (Err("F060"), Err("F062")));
+        assert!(files.asked().folders.contains(&base.join("knocks")));
+        // A folder that is named on the command line may be anywhere.
+        let mut root = Root::of(&base.join("knocks/graph.ron"));
+        root.allow_named(&base.join("other"));
+        assert_eq!(list(&DirFiles::new(root, Limits::default()), "other").unwrap(), ["d.wav"]);
     }
 }

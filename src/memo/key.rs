@@ -146,6 +146,7 @@ impl<'a> Keys<'a> {
             let content = match kind {
                 Some(ParamKind::Output) => continue,
                 Some(ParamKind::Asset) => self.asset(&datum, node.ty.exposes_paths, &mut named)?,
+                Some(ParamKind::Folder) => self.folder(&datum, &mut named)?,
                 _ => datum.to_string(),
             };
             parts.push((format!("{prefix}{name}"), content));
@@ -205,6 +206,17 @@ impl<'a> Keys<'a> {
             named.insert(path);
         }
         Some(hasher.finalize())
+    }
+
+    /// Hash of the names and contents of the files in a folder.
+    fn folder(&self, datum: &Datum, named: &mut BTreeSet<String>) -> Option<String> {
+        let Datum::Text(folder) = datum else { return Some(datum.to_string()) };
+        let mut hasher = blake3::Hasher::new();
+        for path in self.files.folder(folder).ok()? {
+            hasher.update(path.as_bytes()).update(b"\0").update(self.content(&path)?.as_bytes());
+            named.insert(path);
+        }
+        Some(hasher.finalize().to_string())
     }
 
     fn content(&self, path: &str) -> Option<blake3::Hash> {

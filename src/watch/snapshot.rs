@@ -1,6 +1,6 @@
 //! Snapshots: the contents of all files of a graph at one time.
 
-use crate::graph::{Asked, Stamp, matching};
+use crate::graph::{Asked, Stamp, files_in, matching};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -8,13 +8,15 @@ use std::io;
 use std::path::{Path, PathBuf, absolute};
 use std::time::{Duration, SystemTime};
 
-/// A watched file, folder or sequence.
+/// A watched file, sequence, or folder whose files are listed.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Key {
     /// A file or folder, by the path by which it was opened.
     Path(PathBuf),
     /// The files of a numbered sequence.
     Sequence(String),
+    /// The files in a folder.
+    Folder(PathBuf),
 }
 
 impl Key {
@@ -22,14 +24,14 @@ impl Key {
     #[must_use]
     pub fn name(&self) -> String {
         match self {
-            Self::Path(path) => path.display().to_string(),
+            Self::Path(path) | Self::Folder(path) => path.display().to_string(),
             Self::Sequence(pattern) => pattern.clone(),
         }
     }
 
     fn path(&self) -> &Path {
         match self {
-            Self::Path(path) => path,
+            Self::Path(path) | Self::Folder(path) => path,
             Self::Sequence(pattern) => Path::new(pattern),
         }
     }
@@ -44,7 +46,7 @@ pub enum Content {
     Unreadable,
     /// A folder, or another entry that is no plain file.
     Other,
-    /// Hash of the bytes, or of the names of a sequence.
+    /// Hash of the bytes, or of the names of a sequence or of the files in a folder.
     Hash([u8; 32]),
 }
 
@@ -71,20 +73,13 @@ impl Entry {
                 Self { stamp, at, content: read_content(path) }
             }
             Key::Sequence(pattern) => {
-                let content = match matching(pattern) {
-                    Ok(mut files) => {
-                        files.sort();
-                        let mut hasher = blake3::Hasher::new();
-                        for (_, file) in files {
-                            hasher.update(file.as_bytes()).update(b"\0");
-                        }
-                        Content::Hash(*hasher.finalize().as_bytes())
-                    }
-                    Err((_, e)) if e.kind() == io::ErrorKind::NotFound => Content::Missing,
-                    Err(_) => Content::Unreadable,
-                };
-                Self { stamp: None, at, content }
+                let names = matching(pattern).map_err(|(_, e)| e).map(|mut files| {
+                    files.sort();
+                    files.into_iter().map(|(_, file)| file).collect()
+                });
+                Self { stamp: None, at, content: names_content(names) }
             }
+            Key::Folder(path) => Self { stamp: None, at, content: names_content(files_in(path)) },
         }
     }
 
@@ -95,6 +90,20 @@ impl Entry {
             s.modified.is_some_and(|m| self.at.duration_since(m).is_ok_and(|age| age > TIME_RESOLUTION))
         };
         self.stamp == Stamp::of(path) && self.stamp.as_ref().is_none_or(old)
+    }
+}
+
+fn names_content(names: io::Result<Vec<String>>) -> Content {
+    match names {
+        Ok(names) => {
+            let mut hasher = blake3::Hasher::new();
+            for name in names {
+                hasher.update(name.as_bytes()).update(b"\0");
+            }
+            Content::Hash(*hasher.finalize().as_bytes())
+        }
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Content::Missing,
+        Err(_) => Content::Unreadable,
     }
 }
 
@@ -138,6 +147,9 @@ impl Snapshot {
         for pattern in &asked.sequences {
             self.entries.entry(Key::Sequence(pattern.clone())).or_insert_with_key(Entry::read);
         }
+        for folder in &asked.folders {
+            self.entries.entry(Key::Folder(folder.clone())).or_insert_with_key(Entry::read);
+        }
         changed
     }
 
@@ -146,6 +158,7 @@ impl Snapshot {
         self.entries.retain(|key, _| match key {
             Key::Path(path) => asked.files.contains_key(path),
             Key::Sequence(pattern) => asked.sequences.contains(pattern),
+            Key::Folder(path) => asked.folders.contains(path),
         });
     }
 
@@ -192,22 +205,27 @@ impl Snapshot {
         for key in self.entries.keys() {
             let path = absolute(key.path()).unwrap_or_else(|_| key.path().to_owned());
             asked.extend(path.ancestors().skip(1).take(2).map(Path::to_owned));
-            found.extend(fs::canonicalize(&path).ok().and_then(|p| p.parent().map(Path::to_owned)));
+            let real = fs::canonicalize(&path).ok();
+            found.extend(real.as_deref().and_then(Path::parent).map(Path::to_owned));
+            found.extend(real.filter(|_| matches!(key, Key::Folder(_))));
         }
         found.extend(asked.iter().filter_map(|f| f.ancestors().find_map(|f| fs::canonicalize(f).ok())));
         found
     }
 
-    /// Returns the names of the files and of their ancestors, and the folders of sequences, in which any file is relevant.
+    /// Returns the names of the files and of their ancestors, and the folders of sequences and listed ones, in which any file is relevant.
     #[must_use]
     pub fn names(&self) -> (BTreeSet<OsString>, BTreeSet<PathBuf>) {
         let mut names = BTreeSet::new();
         let mut folders = BTreeSet::new();
         for key in self.entries.keys() {
             let path = absolute(key.path()).unwrap_or_else(|_| key.path().to_owned());
-            if matches!(key, Key::Sequence(_)) {
-                folders.extend(path.parent().and_then(|p| fs::canonicalize(p).ok()));
-            }
+            let listed = match key {
+                Key::Path(_) => None,
+                Key::Sequence(_) => path.parent(),
+                Key::Folder(_) => Some(path.as_path()),
+            };
+            folders.extend(listed.and_then(|p| fs::canonicalize(p).ok()));
             for path in [fs::canonicalize(&path).ok(), Some(path)].into_iter().flatten() {
                 names.extend(path.iter().map(OsString::from));
             }
@@ -264,6 +282,22 @@ mod tests {
         fs::write(dir.path().join("notes.txt"), "").unwrap();
         assert!(!snapshot.update());
         fs::write(dir.path().join("frame_0001.obj"), "").unwrap();
+        assert!(snapshot.update());
+    }
+
+    #[test]
+    fn a_new_file_in_a_listed_folder_is_a_change() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("knocks");
+        let mut snapshot = Snapshot::default();
+        snapshot.add(&Asked { folders: [folder.clone()].into(), ..Asked::default() });
+        fs::create_dir(&folder).unwrap();
+        assert!(snapshot.update());
+        fs::write(folder.join("a.wav"), "").unwrap();
+        assert!(snapshot.update() && !snapshot.update());
+        let real = fs::canonicalize(&folder).unwrap();
+        assert!(snapshot.folders().contains(&real) && snapshot.names().1.contains(&real));
+        fs::remove_file(folder.join("a.wav")).unwrap();
         assert!(snapshot.update());
     }
 

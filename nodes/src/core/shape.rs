@@ -315,6 +315,14 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         Ok(found)
     }
 
+    /// The paths of the files in a folder, in order of their names.
+    ///
+    /// # Errors
+    /// When it cannot be listed; the error names `field`.
+    pub fn folder(&mut self, field: &str, path: &str) -> Result<Vec<String>, Reject> {
+        self.raw.files.folder(path).map_err(|e| reject(field, &e))
+    }
+
     /// Adds an error, if there is one, and continues, so that all errors of a node are found at once.
     pub fn check<T>(&mut self, found: Result<T, Reject>) -> Option<T> {
         found.map_err(|reject| self.wrong(reject)).ok()
@@ -449,6 +457,14 @@ impl Build<'_> {
     /// When it cannot be had; the error names `field`.
     pub fn bytes(&self, field: &str, path: &str) -> Result<Vec<u8>, Fault> {
         self.files.bytes(path).map_err(|e| reject(field, &e).into())
+    }
+
+    /// The paths of the files in a folder, in order of their names.
+    ///
+    /// # Errors
+    /// When it cannot be listed; the error names `field`.
+    pub fn folder(&self, field: &str, path: &str) -> Result<Vec<String>, Fault> {
+        self.files.folder(path).map_err(|e| reject(field, &e).into())
     }
 
     /// Starts an output file.

@@ -47,7 +47,8 @@ impl RecordingParam {
             MaxLength::Seconds(max) => (max * u64::from(reader.info().rate), format!(" ({max} s)")),
         };
         if frames > max {
-            return Err(self.unusable(path, format!("{frames} frames; at most {max}{reason} are read")));
+            let reject = self.unusable(path, format!("{frames} frames; at most {max}{reason} are read"));
+            return Err(reject.help("cut it into shorter files"));
         }
         Ok(reader)
     }
@@ -68,16 +69,23 @@ impl RecordingParam {
     /// Checks a list of recordings: reports errors, notes warnings and reserves memory.
     pub(crate) fn check<P>(&self, s: &mut Shape<'_, '_, P>, paths: &[AssetPath]) {
         for (k, AssetPath(path)) in paths.iter().enumerate() {
-            let field = format!("{}[{k}]", self.name);
-            let opened = s.open(&field, path).and_then(|file| Ok(self.open(path, file)?.info().clone()));
-            let Some(info) = s.check(opened.map_err(|reject| reject.at(&field))) else { continue };
-            let reserved = s.hold(&field, path, info.analysis_bytes());
-            if s.check(reserved).is_none() {
-                // The memory limit is reached: the following recordings would exceed it too.
+            if !self.check_one(s, &format!("{}[{k}]", self.name), path) {
                 break;
             }
-            info.warning_texts(path).for_each(|text| s.note(text));
         }
+    }
+
+    /// Checks a recording that `field` names, as [`Self::check`]; returns false if the memory limit is reached, which the following
+    /// recordings would exceed too.
+    pub(crate) fn check_one<P>(&self, s: &mut Shape<'_, '_, P>, field: &str, path: &str) -> bool {
+        let opened = s.open(field, path).and_then(|file| Ok(self.open(path, file)?.info().clone()));
+        let Some(info) = s.check(opened.map_err(|reject| reject.at(field))) else { return true };
+        let reserved = s.hold(field, path, info.analysis_bytes());
+        if s.check(reserved).is_none() {
+            return false;
+        }
+        info.warning_texts(path).for_each(|text| s.note(text));
+        true
     }
 }
 

@@ -36,6 +36,12 @@ pub trait Files: Send + Sync {
     /// When there is none.
     fn sequence(&self, pattern: &str) -> Result<Vec<(u64, String)>, FileError>;
 
+    /// The paths of the files in a folder, without its sub-folders and hidden files, in order of their names.
+    ///
+    /// # Errors
+    /// When it is missing, outside the allowed folders, or no folder.
+    fn folder(&self, path: &str) -> Result<Vec<String>, FileError>;
+
     /// The same files for a node that opens some of them during the run; `None` if that is not possible.
     fn shared(&self) -> Option<Arc<dyn Files>> {
         None
@@ -120,6 +126,18 @@ impl Files for MemoryFiles {
         let found: Vec<_> =
             self.files.keys().filter_map(|k| Some((number_in(pattern, k)?, k.clone()))).collect();
         sorted_sequence(pattern, found)
+    }
+
+    fn folder(&self, path: &str) -> Result<Vec<String>, FileError> {
+        let inside = |key: &&String| {
+            let name = key.strip_prefix(path).and_then(|rest| rest.strip_prefix('/'));
+            name.is_some_and(|name| !name.contains('/'))
+        };
+        let found: Vec<String> = self.files.keys().filter(inside).cloned().collect();
+        if found.is_empty() {
+            return Err(FileError { code: "F060", message: format!("there is no folder {path:?}") });
+        }
+        Ok(found)
     }
 }
 

@@ -3,7 +3,7 @@
 mod types;
 mod value;
 
-pub use types::{AssetPath, OutPath, Text};
+pub use types::{AssetPath, FolderPath, OutPath, Text};
 pub use value::{Bounds, Datum, IntoBounds, Mismatch, Param, ParamKind, ParamSpec};
 
 use super::random::Rng;

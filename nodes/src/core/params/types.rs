@@ -161,6 +161,10 @@ text_param!(
     AssetPath, ParamKind::Asset, "trial"
 );
 text_param!(
+    /// The path of a folder of input files, relative to the graph file.
+    FolderPath, ParamKind::Folder, "trial"
+);
+text_param!(
     /// The path of an output file, relative to the output folder.
     OutPath, ParamKind::Output, "trial.out"
 );

@@ -172,6 +172,8 @@ pub enum ParamKind {
     Text,
     /// The path of an input file.
     Asset,
+    /// The path of a folder of input files.
+    Folder,
     /// The path of an output file.
     Output,
     /// Items per second, a number or `"24000/1001"`.
@@ -213,6 +215,7 @@ impl fmt::Display for ParamKind {
             Self::Float => f.write_str("number"),
             Self::Text => f.write_str("text"),
             Self::Asset => f.write_str("path of an input file"),
+            Self::Folder => f.write_str("path of a folder of input files"),
             Self::Output => f.write_str("path of an output file"),
             Self::Rate => f.write_str("rate"),
             Self::Choice(names) => {

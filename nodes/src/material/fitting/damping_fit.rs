@@ -60,6 +60,15 @@ choices! {
     }
 }
 choices! {
+    /// What has a support damping of its own, for `Hierarchical`.
+    pub enum SupportGroup {
+        /// Each recording.
+        Recording,
+        /// All recordings of one object on one support, where the support is known.
+        Support,
+    }
+}
+choices! {
     /// Set of options of the likelihood.
     pub enum FitPreset {
         /// The noise of each feature is added to that of all, and dropped features are taken into account.
@@ -90,6 +99,8 @@ params! {
         model: DampingFamily = DampingFamily::Rayleigh;
         /// Number of terms of `Caughey` (1 to 6), or of knots of `Spline` (4 to 8).
         order: usize = 4, unit "", range 1..=8;
+        /// What has a support damping of its own, for `Hierarchical`.
+        group: SupportGroup = SupportGroup::Recording;
         /// Options of the likelihood.
         preset: FitPreset = FitPreset::Default;
         /// Method that maximises the likelihood.
@@ -242,8 +253,12 @@ impl Func for DampingFit {
     fn eval(p: &DampingFitParams, cx: &Build<'_>, mut io: DampingFitIo<'_>) -> Result<Summary, Fault> {
         let seed = u64::from(cx.random.words(0, 0, 0)[0]);
         let settings = p.settings(io.points.truncated_below, seed)?;
-        let report = estimate(&io.points.points, &settings)
-            .map_err(|e| Fault::new("F136", e.to_string()).at("points"))?;
+        let points = match p.group {
+            SupportGroup::Support if p.estimator == Estimator::Hierarchical => io.points.by_support(),
+            _ => io.points.points.clone(),
+        };
+        let report =
+            estimate(&points, &settings).map_err(|e| Fault::new("F136", e.to_string()).at("points"))?;
         let finite =
             report.model.parameters().iter().chain([&report.sigma, &report.log_lik]).all(|x| x.is_finite());
         if !finite {
@@ -267,6 +282,7 @@ impl Func for DampingFit {
             ..Material::new(p.name.0.clone(), report.model.clone())
         };
         let mut summary = summary(&report);
+        summary.extend(report.warnings.iter().take(MAX_WARNINGS).map(|w| ("warning", w.to_string().into())));
         if io.points.truncated_below.is_some() && settings.mixture.fit.truncated_below.is_none() {
             summary.push(("warning", UNTRUNCATED.into()));
         }

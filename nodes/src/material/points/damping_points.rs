@@ -53,6 +53,9 @@ pub struct DampingPoints {
     pub points: Vec<DampingPoint>,
     /// Names of the recordings, by index.
     pub recordings: Vec<String>,
+    /// Object and support of each recording, where the support is known; empty where none is.
+    #[serde(default)]
+    pub supports: Vec<Option<String>>,
     /// Features without a point.
     pub dropped: Vec<Dropped>,
     /// Damping `c` in 1/s below which features were dropped, if more than 1 % were.
@@ -60,6 +63,18 @@ pub struct DampingPoints {
 }
 
 impl DampingPoints {
+    /// The points with recordings of one object on one support as one recording, for an estimator of the damping of each.
+    #[must_use]
+    pub fn by_support(&self) -> Vec<DampingPoint> {
+        let first = |k: usize| {
+            let support = self.supports.get(k).and_then(Option::as_deref);
+            let same = |other: &Option<String>| support.is_some() && other.as_deref() == support;
+            self.supports.iter().position(same).unwrap_or(k)
+        };
+        let of = |p: &DampingPoint| first(p.recording as usize) as u32;
+        self.points.iter().map(|p| DampingPoint { recording: of(p), ..*p }).collect()
+    }
+
     /// Figures for the summary of a run.
     #[must_use]
     pub fn summary(&self) -> Summary {
@@ -249,6 +264,19 @@ mod tests {
         assert_eq!(read_points(&json).unwrap(), a);
         assert!(a.plot().unwrap().contains("<circle"));
         assert!(!DampingPoints::default().plot().unwrap().contains("NaN"));
+    }
+
+    #[test]
+    fn recordings_on_one_support_become_one() {
+        let point = |recording| DampingPoint { recording, ..DampingPoint::new(1e6, 4.0) };
+        let label = |text: &str| Some(text.to_owned());
+        let points = DampingPoints {
+            points: (0..5).map(point).collect(),
+            supports: vec![label("a"), None, label("b"), label("a"), None],
+            ..DampingPoints::default()
+        };
+        let groups: Vec<u32> = points.by_support().iter().map(|p| p.recording).collect();
+        assert_eq!(groups, [0, 1, 2, 0, 4]);
     }
 
     #[test]

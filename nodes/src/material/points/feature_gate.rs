@@ -65,7 +65,8 @@ fn of_modes(modes: &Modes) -> FeatureSet {
         phase: modes.phases.get(i).copied().unwrap_or(0.0).into(),
         ..Feature::default()
     });
-    FeatureSet { recording: modes.name.clone(), object: modes.name.clone(), features: features.collect() }
+    let (recording, object) = (modes.name.clone(), modes.name.clone());
+    FeatureSet { recording, object, support: String::new(), features: features.collect() }
 }
 
 impl Func for FeatureGate {

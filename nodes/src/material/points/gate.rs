@@ -50,6 +50,7 @@ impl Gate {
     pub fn points(&self, sets: &[FeatureSet]) -> DampingPoints {
         let mut out = DampingPoints {
             recordings: sets.iter().map(|s| s.recording.clone()).collect(),
+            supports: sets.iter().map(support).collect(),
             ..DampingPoints::default()
         };
         let mut objects: Vec<&str> = Vec::new();
@@ -109,6 +110,11 @@ impl Gate {
         };
         decay < HUM_DECAY && self.hum.iter().any(near)
     }
+}
+
+/// Name of a support of an object.
+fn support(set: &FeatureSet) -> Option<String> {
+    (!set.support.is_empty()).then(|| format!("{}: {}", set.object, set.support))
 }
 
 /// Numbers the modes: single linkage along the frequencies of each object.

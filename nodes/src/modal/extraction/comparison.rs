@@ -150,7 +150,7 @@ fn band_decays(reference: &[f64], audio: &[f64], rate: f64) -> Vec<BandDecay> {
 }
 
 /// Three times T20, s; `None` where a decay by 25 dB does not stand above the noise.
-fn decay_time(octave: &Octave) -> Option<f64> {
+pub(super) fn decay_time(octave: &Octave) -> Option<f64> {
     let Octave { energies, step, .. } = octave;
     // The noise is that of the last tenth: it must lie 35 dB below the maximum of a smoothed envelope.
     let width = (0.01 / step).ceil() as usize;

@@ -3,6 +3,7 @@
 use super::dictionary::Problem;
 use super::exponentials::{C, add, energy, products};
 use super::feature::{Feature, MAX_DECAY};
+use super::greedy::greedy;
 use super::noise_bands::noise_bands;
 use super::noise_floor::NoiseFloor;
 use super::onset::onset;
@@ -13,9 +14,24 @@ use crate::modal::residual::noise_band::NoiseBand;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use thiserror::Error;
 
+/// Method that finds the modes of a recording. All are refined jointly afterwards, with the same amplitudes and deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Extractor {
+    /// ESPRIT in bands, and selection by what the modes explain beside each other: for modes that are close or decay fast.
+    Subband,
+    /// Peaks of spectrograms, one after the other, until they explain a share `target` of the energy above the noise: for modes that stand
+    /// alone, as in the paper.
+    Greedy {
+        /// Share of the energy.
+        target: f64,
+    },
+}
+
 /// Limits of the search for modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExtractParams {
+    /// Method of the search.
+    pub extractor: Extractor,
     /// Maximum number of modes.
     pub modes: usize,
     /// Lowest frequency, in Hz.
@@ -29,7 +45,7 @@ pub struct ExtractParams {
 
 impl Default for ExtractParams {
     fn default() -> Self {
-        Self { modes: 64, lowest: 20.0, highest: 20_000.0, contact: false }
+        Self { extractor: Extractor::Subband, modes: 64, lowest: 20.0, highest: 20_000.0, contact: false }
     }
 }
 
@@ -63,6 +79,22 @@ pub enum ExtractError {
         /// Number of decaying sines.
         parts: usize,
     },
+}
+
+impl ExtractError {
+    /// What to do about it.
+    #[must_use]
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::NotFinite { .. } => "export the recording again, or cut the part with the damage",
+            Self::Silent => "record again: check the microphone and its gain",
+            Self::Short { .. } => "leave 2 s of sound after each impact",
+            Self::Nothing => {
+                "strike an object that rings, alone in the recording, and hold it such that it can; or widen `lowest` to `highest`"
+            }
+            Self::OnlyContact { .. } => "hold the object such that it can ring",
+        }
+    }
 }
 
 /// Minimum number of samples after the impact.
@@ -171,7 +203,7 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
     let short = &sound[..searched(sound, rate)];
     let slowest = (LEAST_DECAY * rate / sound.len() as f64).max(DECAYS[0]);
     let limits = Limits { band, decays: [slowest, DECAYS[1]] };
-    let exponents = search(short, rate, &limits, params.modes, &noise);
+    let exponents = search(short, rate, &limits, params, &noise);
     let sines = with_amplitudes(sound, rate, exponents);
     if sines.exponents.is_empty() {
         return Err(ExtractError::Nothing);
@@ -205,7 +237,8 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
     Ok(Extracted { features, onset, residual, residual_db, late_residual_db, noise })
 }
 
-fn without(sound: &[f64], sines: &Sines) -> Vec<f64> {
+/// The sound without the sines.
+pub(super) fn without(sound: &[f64], sines: &Sines) -> Vec<f64> {
     let mut residual = sound.to_vec();
     let negative: Vec<C> = sines.amplitudes.iter().map(|a| -a).collect();
     add(&mut residual, &sines.exponents, &negative);
@@ -234,7 +267,7 @@ fn largest_amplitude(x: &[f64]) -> f64 {
 }
 
 /// Exponents of the modes, selected and refined.
-fn search(x: &[f64], rate: f64, limits: &Limits, modes: usize, noise: &NoiseFloor) -> Vec<C> {
+fn search(x: &[f64], rate: f64, limits: &Limits, params: &ExtractParams, noise: &NoiseFloor) -> Vec<C> {
     let posed = problem(x, PENALTIES[0]);
     let total = energy(x);
     // BIC: four parameters a mode.
@@ -244,14 +277,25 @@ fn search(x: &[f64], rate: f64, limits: &Limits, modes: usize, noise: &NoiseFloo
         exponents.iter().map(least).collect()
     };
     let pick = |from: &[C], chosen: Vec<usize>| chosen.into_iter().map(|i| from[i]).collect::<Vec<C>>();
+    let modes = params.modes;
     let without_surplus = |exponents: Vec<C>| {
         let left = posed.backward(&exponents, &products(x, &exponents), &thresholds(&exponents), modes);
         pick(&exponents, left)
     };
-    let all = candidates(x, rate, limits);
-    let surplus = ((modes as f64 * SURPLUS) as usize).max(modes + 4);
-    let chosen = posed.forward(&all, &products(x, &all), &thresholds(&all), surplus);
-    let mut exponents = without_surplus(pick(&all, chosen));
+    let exponents = match params.extractor {
+        Extractor::Subband => {
+            let all = candidates(x, rate, limits);
+            let surplus = ((modes as f64 * SURPLUS) as usize).max(modes + 4);
+            pick(&all, posed.forward(&all, &products(x, &all), &thresholds(&all), surplus))
+        }
+        Extractor::Greedy { target } => greedy(x, rate, limits, modes, target, noise),
+    };
+    // The refinement may have made some superfluous.
+    without_surplus(refined(x, rate, limits, without_surplus(exponents)))
+}
+
+/// Refines exponents with the smallest penalty at which no amplitude exceeds the limit.
+fn refined(x: &[f64], rate: f64, limits: &Limits, mut exponents: Vec<C>) -> Vec<C> {
     let limit = largest_amplitude(x);
     for part in PENALTIES {
         let Some(found) = refine(x, &problem(x, part), rate, limits, &exponents) else { break };
@@ -260,8 +304,7 @@ fn search(x: &[f64], rate: f64, limits: &Limits, modes: usize, noise: &NoiseFloo
             break;
         }
     }
-    // The refinement may have made some superfluous.
-    without_surplus(exponents)
+    exponents
 }
 
 /// Fits amplitudes to the whole sound, and removes modes until none is above the limit.

@@ -53,6 +53,9 @@ pub struct FeatureSet {
     pub recording: String,
     /// Name of the object that was struck; recordings of one object share modes.
     pub object: String,
+    /// Name of what held the object; empty if unknown.
+    #[serde(default)]
+    pub support: String,
     /// The modes, in the order of extraction.
     pub features: Vec<Feature>,
 }
@@ -116,7 +119,8 @@ impl Data for FeatureSets {
         };
         let set = |rng: &mut Rng| {
             let features = (0..10 + rng.below(20)).map(|_| feature(rng)).collect();
-            FeatureSet { recording: "trial".into(), object: "trial".into(), features }
+            let support = format!("support {}", rng.below(3));
+            FeatureSet { recording: "trial".into(), object: "trial".into(), support, features }
         };
         Self { sets: (0..1 + rng.below(3)).map(|_| set(rng)).collect() }
     }

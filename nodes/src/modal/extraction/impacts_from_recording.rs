@@ -96,6 +96,7 @@ impl Node for ImpactsFromRecording {
     type Params = ImpactsFromRecordingParams;
     type Ports = ImpactsFromRecordingPorts;
     const NAME: &'static str = "ImpactsFromRecording";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
 
     fn shape(

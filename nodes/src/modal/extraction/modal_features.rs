@@ -1,20 +1,26 @@
 //! Modes of many recordings with their uncertainties, as a node.
 
-use super::extract::{ExtractParams, Extracted, extract};
+use super::doubts::{UNCERTAINTY, doubts};
+use super::extract::{ExtractParams, Extractor, extract};
 use super::feature::{FeatureSet, FeatureSets};
-use super::onset::impacts;
+use super::one_object::{ONE_OBJECT, TakeSound, compare_takes, median_of_take};
+use super::onset::{impacts, onset};
 use super::report::{ExtractionReport, PICTURE, RINGING, RecordingReport, spectrogram};
+use super::room::Room;
+use super::sources::{Source, Sources};
 use super::surrogate::surrogate;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
-use crate::core::params::{AssetPath, Params, Text};
+use crate::core::params::{AssetPath, FolderPath, Params, Text};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
 use crate::plot::Image;
 use crate::{choices, params, ports};
+use std::collections::BTreeSet;
+use std::ops::Range;
 
 choices! {
     /// What becomes of a recording with several impacts.
@@ -27,34 +33,78 @@ choices! {
         All,
     }
 }
+choices! {
+    /// Method that finds the modes of a recording.
+    pub enum Search {
+        /// ESPRIT in bands: for modes that are close or decay fast.
+        Subband,
+        /// Peaks of spectrograms, one after the other, as in the paper: for modes that stand alone.
+        Greedy,
+    }
+}
+choices! {
+    /// What becomes of a recording without modes: one that is silent, too short, or of several impacts.
+    pub enum Unusable {
+        /// An error that names all of them.
+        Error,
+        /// A warning for each; the others count.
+        Skip,
+    }
+}
 
 params! {
     /// Modes of recordings of impacts, with uncertainties, for a `FeatureGate` and a `DampingFit`.
     ///
-    /// Each recording is explained by damped sines, as in `ModalFromRecording`. Their frequencies and decay rates have standard deviations,
-    /// which follow from what is left unexplained around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it
-    /// lists what was found. A recording rings if it is explained better by 5 dB than noise with the same spectrogram, its surrogate: dull
-    /// thuds are explained as well as their surrogates, and their modes say little of the material. Surrogates depend on the index of the
-    /// recording only.
+    /// Recordings come from a list, from a folder, and from a manifest of takes, a CSV with the columns `file` (relative to the CSV), and
+    /// optionally `object`, `material`, `support`, `hit`, `striker` and `licence`. Each is explained by damped sines, as in
+    /// `ModalFromRecording`. Their frequencies and decay rates have standard deviations, which follow from what is left unexplained
+    /// around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it lists what was found, and
+    /// `ExtractionTable` writes a row for each recording.
+    ///
+    /// A recording rings if it is explained better by 5 dB than noise with the same spectrogram, its surrogate: dull thuds are explained
+    /// as well as their surrogates, and their modes say little of the material. Surrogates depend on the index of the recording only.
+    /// Takes of one object have the same poles: modes of one take explain another up to a tenth of its energy, with other
+    /// amplitudes. The summary names takes that do not fit to the others.
+    ///
+    /// A room adds poles of its own around each mode, and hides modes that decay faster than its sound. With its reverberation time,
+    /// typed or measured, modes that decay at 0.6 of its rate `6.908 / T60` or faster are left out.
     ///
     /// # Source
     /// Sirdey et al., "Modal analysis of impact sounds with ESPRIT in Gabor transforms" (DAFx 2011); Sterling et al.,
     /// "Audio-material reconstruction for virtualized reality using a probabilistic damping model" (IEEE TVCG 25(5), 2019), section 4.1.
     pub struct ModalFeaturesParams {
         /// The recordings, of at most a minute each.
-        recordings: Vec<AssetPath>;
-        /// Name of the object that was struck; recordings of one object share modes.
+        recordings: Vec<AssetPath> = Vec::new();
+        /// A folder whose recordings are added, in order of their names.
+        folder: Option<FolderPath> = None;
+        /// CSV of takes that are added.
+        manifest: Option<AssetPath> = None;
+        /// Name of the object that was struck, where the manifest names none; recordings of one object share modes.
         object: Text = "".into();
+        /// Material of the takes of the manifest that count; empty for all.
+        material: Text = "".into();
         /// What becomes of a recording with several impacts.
         split: Split = Split::None;
+        /// What becomes of a recording without modes.
+        unusable: Unusable = Unusable::Error;
+        /// Method that finds the modes.
+        extractor: Search = Search::Subband;
+        /// Share of the energy above the noise at which `Greedy` ends.
+        target: f64 = 0.999, unit "", range 0.01..=1.0;
         /// Maximum number of modes of each recording.
         count: usize = 64, unit "modes", range 1..=1024;
         /// Lowest frequency of a mode.
         lowest: f64 = 20.0, unit "Hz", range 1.0..=100_000.0;
         /// Highest frequency of a mode; at most 0.45 of the recording's rate.
         highest: f64 = 20_000.0, unit "Hz", range 2.0..=200_000.0;
+        /// Frequency (Hz) and reverberation time (s) of bands of the room.
+        room: Vec<[f64; 2]> = Vec::new(), unit "Hz, s", range 0.001..=100_000.0;
+        /// Recording of a clap in the room, of which the reverberation time is measured.
+        room_recording: Option<AssetPath> = None;
         /// True to compare each recording with its surrogate, which takes as long as the recording.
         surrogate: bool = true;
+        /// True to compare each take with up to eight others of its object.
+        compare: bool = true;
     }
 }
 ports! {
@@ -75,41 +125,162 @@ pub struct ModalFeatures;
 
 const RECORDINGS: RecordingParam =
     RecordingParam { name: "recordings", code: "F077", max: MaxLength::Seconds(60) };
-/// Number of samples in a row at the peak that are clipped.
-const CLIPPED: usize = 3;
-/// Largest relative standard deviation of a certain decay rate.
-const UNCERTAINTY: f64 = 0.3;
-/// Decay rate below which that of a room is suspected, as multiples of the slowest mode.
-const ROOM: f64 = 1.3;
+const ROOM: RecordingParam =
+    RecordingParam { name: "room_recording", code: "F077", max: MaxLength::Seconds(60) };
+/// Maximum number of unusable recordings that an error lists.
+const MAX_LISTED: usize = 8;
 
-/// Warnings of one impact.
-fn warnings(samples: &[f32], found: &Extracted) -> Vec<String> {
-    let mut out = Vec::new();
-    let peak = samples.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
-    // The crest of a wave that decays reaches the peak once; what is clipped does so again and again.
-    let runs = samples.chunk_by(|a, b| a == b).filter(|run| run.len() >= CLIPPED && run[0].abs() == peak);
-    let clipped = runs.count();
-    if clipped > 1 {
-        out.push(format!("clipped in {clipped} stretches: record with less gain"));
+impl ModalFeaturesParams {
+    fn sources(&self) -> Sources<'_> {
+        Sources {
+            recordings: &self.recordings,
+            folder: self.folder.as_ref(),
+            manifest: self.manifest.as_ref(),
+            object: &self.object.0,
+            material: &self.material.0,
+            code: RECORDINGS.code,
+        }
     }
-    let mut decays: Vec<f64> =
-        found.features.iter().filter(|f| f.is_certain(UNCERTAINTY)).map(|f| f.decay).collect();
-    decays.sort_by(f64::total_cmp);
-    // In a room nothing decays more slowly than its sound: the slow half of the modes has one decay.
-    if decays.len() >= 8 && decays[0] > 5.0 && decays[decays.len() / 2] < ROOM * decays[0] {
-        out.push(format!(
-            "half of the modes decay at {:.1} to {:.1} 1/s at all frequencies, as the sound of a room does: record in a dry room",
-            decays[0],
-            decays[decays.len() / 2]
-        ));
+
+    /// The room, typed or measured.
+    fn room(&self, cx: &Build<'_>) -> Result<Room, Fault> {
+        let Some(AssetPath(path)) = &self.room_recording else { return Ok(Room::new(self.room.clone())) };
+        let (samples, info) = ROOM.read_mono(cx, path)?;
+        let room = Room::measured(&samples, f64::from(info.rate));
+        if room.bands().is_empty() {
+            let reject = ROOM.unusable(path, "no octave decays by 25 dB above the noise");
+            return Err(reject.help("record a clap or a balloon that bursts, with 2 s after it").into());
+        }
+        Ok(room)
     }
-    out
+
+    fn extract_params(&self) -> ExtractParams {
+        let extractor = match self.extractor {
+            Search::Subband => Extractor::Subband,
+            Search::Greedy => Extractor::Greedy { target: self.target },
+        };
+        ExtractParams {
+            extractor,
+            modes: self.count,
+            lowest: self.lowest,
+            highest: self.highest,
+            contact: true,
+        }
+    }
+}
+
+/// What was found so far.
+#[derive(Default)]
+struct Found {
+    sets: Vec<FeatureSet>,
+    reports: Vec<RecordingReport>,
+    sounds: Vec<TakeSound>,
+    unusable: Vec<Reject>,
+    summary: Summary,
+}
+
+impl Found {
+    /// Adds the impacts of one recording.
+    fn add(
+        &mut self,
+        p: &ModalFeaturesParams,
+        cx: &Build<'_>,
+        source: &Source,
+        room: &Room,
+    ) -> Result<(), Fault> {
+        let Source { path, field, take } = source;
+        let unusable = |name: &str, problem: String| RECORDINGS.unusable(name, problem).at(field);
+        let at_field = |e: Fault| Fault { field: Some(field.clone()), ..e };
+        let (samples, info) = RECORDINGS.read_mono(cx, path).map_err(at_field)?;
+        let rate = f64::from(info.rate);
+        let mut parts = impacts(&samples, rate);
+        if parts.len() > 1 && p.split == Split::None {
+            let time = |part: &Range<usize>| {
+                format!("{:.3} s", (part.start + onset(&samples[part.clone()], rate)) as f64 / rate)
+            };
+            let times: Vec<String> = parts.iter().map(time).collect();
+            let reject = unusable(path, format!("{} impacts, at {}", parts.len(), times.join(", ")));
+            self.unusable.push(reject.help("`split: First` or `split: All`, or one impact in each file"));
+            return Ok(());
+        }
+        if p.split == Split::First {
+            parts.truncate(1);
+        }
+        let several = parts.len() > 1;
+        for (k, part) in parts.into_iter().enumerate() {
+            let name = if several { format!("{path} #{}", k + 1) } else { path.clone() };
+            let sound = &samples[part.clone()];
+            let found = match extract(sound, rate, &p.extract_params()) {
+                Ok(found) => found,
+                Err(e) => {
+                    self.unusable.push(unusable(&name, e.to_string()).help(e.help()));
+                    continue;
+                }
+            };
+            let after = &sound[found.onset..];
+            let surrogate_db = p.surrogate.then(|| {
+                let noise = surrogate(after, self.sets.len() as u64);
+                extract(&noise, rate, &p.extract_params()).map_or(0.0, |found| found.residual_db)
+            });
+            let wide: Vec<f64> = after.iter().map(|x| f64::from(*x)).collect();
+            let (pixels, seconds) = spectrogram(&wide, rate);
+            let certain = found.features.iter().filter(|f| f.is_certain(UNCERTAINTY) && room.leaves(f));
+            let certain: Vec<_> = certain.copied().collect();
+            self.reports.push(RecordingReport {
+                recording: name.clone(),
+                take: take.clone(),
+                onset_s: (part.start + found.onset) as f64 / rate,
+                modes: found.features.len(),
+                certain: certain.len(),
+                unexplained_db: found.residual_db,
+                unexplained_after_5_ms_db: found.late_residual_db,
+                surrogate_db,
+                ringing: surrogate_db.map(|db| found.residual_db <= db - RINGING),
+                by_other_takes_db: None,
+                warnings: doubts(sound, rate, &found, room),
+                features: certain.clone(),
+                picture: Image::grey(PICTURE, &pixels).unwrap_or_default(),
+                seconds,
+            });
+            let (object, support) = (take.object.clone(), take.support.clone());
+            let set = FeatureSet { recording: name, object, support, features: certain };
+            if p.compare {
+                let all = FeatureSet { features: found.features, ..set.clone() };
+                self.sounds.push(TakeSound { set: all, samples: sound.to_vec(), rate });
+            }
+            self.sets.push(set);
+        }
+        self.summary.extend(recording_warnings(path, &info, &samples));
+        Ok(())
+    }
+
+    /// The error of recordings without modes, or a warning for each.
+    fn check_unusable(&mut self, rule: Unusable) -> Result<Vec<String>, Reject> {
+        let mut all = std::mem::take(&mut self.unusable).into_iter();
+        let rest = all.len().saturating_sub(1);
+        if rule == Unusable::Error || self.sets.is_empty() {
+            let Some(mut first) = all.next() else { return Ok(Vec::new()) };
+            if rest > 0 {
+                let others: Vec<String> = all.take(MAX_LISTED - 1).map(|e| e.message).collect();
+                let more = rest - others.len();
+                let more = if more > 0 { format!("; and {more} more") } else { String::new() };
+                first.message = format!("{}; {}{more}", first.message, others.join("; "));
+            }
+            return Err(first);
+        }
+        let texts: Vec<String> = all.map(|e| e.to_string()).collect();
+        for text in &texts {
+            self.summary.push(("warning", format!("{text}: left out").into()));
+        }
+        Ok(texts)
+    }
 }
 
 impl Func for ModalFeatures {
     type Params = ModalFeaturesParams;
     type Ports = ModalFeaturesPorts;
     const NAME: &'static str = "ModalFeatures";
+    const VERSION: u32 = 2;
     // Recordings are named after their files.
     const EXPOSES_PATHS: bool = true;
 
@@ -118,64 +289,50 @@ impl Func for ModalFeatures {
             let message = format!("`highest` is {} Hz, `lowest` {} Hz", p.highest, p.lowest);
             s.wrong(Reject::new("F077", message).at("highest").help("it must be more"));
         }
-        if p.recordings.is_empty() {
-            return Err(Reject::new("F077", "there is no recording").at("recordings"));
+        if let Some(AssetPath(path)) = &p.room_recording {
+            ROOM.check_one(s, ROOM.name, path);
+            if !p.room.is_empty() {
+                let reject = Reject::new("F077", "both `room` and `room_recording` are given").at("room");
+                s.wrong(reject.help("leave out one of both"));
+            }
         }
-        RECORDINGS.check(s, &p.recordings);
+        let sources = p.sources().all(s)?;
+        for source in &sources {
+            if !RECORDINGS.check_one(s, &source.field, &source.path) {
+                break;
+            }
+        }
+        let materials: BTreeSet<&str> = sources.iter().map(|source| source.take.material.as_str()).collect();
+        if materials.len() > 1 {
+            let names: Vec<String> = materials.iter().map(|name| format!("{name:?}")).collect();
+            s.note(format!(
+                "takes of several materials ({}): `material` selects one for a fit",
+                names.join(", ")
+            ));
+        }
+        s.prepare(sources);
         Ok(())
     }
 
     fn eval(p: &ModalFeaturesParams, cx: &Build<'_>, mut io: ModalFeaturesIo<'_>) -> Result<Summary, Fault> {
-        let params = ExtractParams { modes: p.count, lowest: p.lowest, highest: p.highest, contact: true };
-        let (mut sets, mut reports, mut summary) = (Vec::new(), Vec::new(), Summary::new());
-        for path in p.recordings.iter().map(|path| &path.0) {
-            let (samples, info) = RECORDINGS.read_mono(cx, path)?;
-            let rate = f64::from(info.rate);
-            let mut parts = impacts(&samples, rate);
-            if parts.len() > 1 && p.split == Split::None {
-                let times: Vec<String> =
-                    parts.iter().map(|part| format!("{:.3} s", part.start as f64 / rate)).collect();
-                let message = format!("{path:?}: {} impacts, at {}", parts.len(), times.join(", "));
-                let reject = Reject::new("F077", message).at("recordings");
-                return Err(reject.help("`split: First` or `split: All`, or one impact in each file").into());
-            }
-            if p.split == Split::First {
-                parts.truncate(1);
-            }
-            let several = parts.len() > 1;
-            for (k, part) in parts.into_iter().enumerate() {
-                let name = if several { format!("{path} #{}", k + 1) } else { path.clone() };
-                let sound = &samples[part.clone()];
-                let found = extract(sound, rate, &params).map_err(|e| RECORDINGS.unusable(&name, e))?;
-                let after = &sound[found.onset..];
-                let surrogate_db = p.surrogate.then(|| {
-                    let noise = surrogate(after, sets.len() as u64);
-                    extract(&noise, rate, &params).map_or(0.0, |found| found.residual_db)
-                });
-                let (pixels, seconds) =
-                    spectrogram(&after.iter().map(|x| f64::from(*x)).collect::<Vec<_>>(), rate);
-                let certain: Vec<_> =
-                    found.features.iter().filter(|f| f.is_certain(UNCERTAINTY)).copied().collect();
-                reports.push(RecordingReport {
-                    recording: name.clone(),
-                    onset_s: (part.start + found.onset) as f64 / rate,
-                    modes: found.features.len(),
-                    certain: certain.len(),
-                    unexplained_db: found.residual_db,
-                    unexplained_after_5_ms_db: found.late_residual_db,
-                    surrogate_db,
-                    ringing: surrogate_db.map(|db| found.residual_db <= db - RINGING),
-                    warnings: warnings(sound, &found),
-                    features: certain.clone(),
-                    picture: Image::grey(PICTURE, &pixels).unwrap_or_default(),
-                    seconds,
-                });
-                let object =
-                    if p.object.0.is_empty() { p.recordings[0].0.clone() } else { p.object.0.clone() };
-                sets.push(FeatureSet { recording: name, object, features: certain });
-            }
-            summary.extend(recording_warnings(path, &info, &samples));
+        let mut found = Found::default();
+        let room = p.room(cx)?;
+        let sources = cx.prepared::<Vec<Source>>().unwrap_or_default();
+        for source in sources.iter() {
+            found.add(p, cx, source, &room)?;
         }
+        let unusable = found.check_unusable(p.unusable)?;
+        let pairs = compare_takes(&found.sounds);
+        for (k, report) in found.reports.iter_mut().enumerate() {
+            report.by_other_takes_db = median_of_take(&pairs, k);
+            if let Some(db) = report.by_other_takes_db.filter(|db| *db > ONE_OBJECT) {
+                report.warnings.push(format!(
+                    "the modes of the other takes of {:?} leave {db:.1} dB unexplained, more than {ONE_OBJECT:.0} dB: it may be another object",
+                    report.take.object
+                ));
+            }
+        }
+        let Found { sets, reports, mut summary, .. } = found;
         let worst = reports.iter().map(|r| r.unexplained_db).fold(f64::NEG_INFINITY, f64::max);
         summary.push(("recordings", reports.len().into()));
         summary.push(("features", sets.iter().map(|s| s.features.len()).sum::<usize>().into()));
@@ -184,19 +341,11 @@ impl Func for ModalFeatures {
             summary.push(("ringing", reports.iter().filter(|r| r.ringing == Some(true)).count().into()));
         }
         for report in &reports {
-            for text in &report.warnings {
-                summary.push(("warning", format!("{}: {text}", report.recording).into()));
-            }
-            if report.certain == 0 {
-                let text = format!(
-                    "{}: no mode has a certain decay: it says nothing of the material",
-                    report.recording
-                );
-                summary.push(("warning", text.into()));
-            }
+            let texts = report.warnings.iter();
+            summary.extend(texts.map(|text| ("warning", format!("{}: {text}", report.recording).into())));
         }
         io.features.set(FeatureSets { sets });
-        io.report.set(ExtractionReport { recordings: reports });
+        io.report.set(ExtractionReport { recordings: reports, pairs, unusable });
         Ok(summary)
     }
 
@@ -208,9 +357,15 @@ impl Func for ModalFeatures {
             (0.5 * (-d * t).exp() * (std::f64::consts::TAU * f * t).sin()) as f32
         };
         files.insert("hit.wav", trial_wav(&(0..4000).map(sample).collect::<Vec<_>>(), 8000));
+        files.insert("takes.csv", "file,object,material,support\nhit.wav,bar,steel,\"fingers, 2\"\n");
         let p = ModalFeaturesParams::trial(rng);
+        let from_list = rng.below(2) == 0;
         let params = ModalFeaturesParams {
-            recordings: vec!["hit.wav".into()],
+            recordings: if from_list { vec!["hit.wav".into()] } else { Vec::new() },
+            folder: None,
+            room_recording: None,
+            manifest: (!from_list).then(|| "takes.csv".into()),
+            material: "".into(),
             split: Split::First,
             count: 1 + rng.below(8),
             lowest: rng.between(10.0, 100.0),
@@ -222,80 +377,4 @@ impl Func for ModalFeatures {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::core::item::Data;
-    use crate::core::params::Datum;
-    use crate::core::standalone::{Standalone, StandaloneRun};
-
-    fn run(sounds: &[Vec<f32>], split: &'static str) -> Result<StandaloneRun, Fault> {
-        let names: Vec<String> = (0..sounds.len()).map(|k| format!("{k}.wav")).collect();
-        let list = Datum::List(names.iter().map(|n| Datum::Text(n.clone())).collect());
-        let p = ModalFeaturesParams::read(&|name| match name {
-            "recordings" => Some(list.clone()),
-            "split" => Some(Datum::Name(split.into())),
-            _ => None,
-        })
-        .unwrap();
-        let mut standalone = Standalone::func::<ModalFeatures>(p);
-        for (name, sound) in names.iter().zip(sounds) {
-            standalone.files.insert(name, trial_wav(sound, 44_100));
-        }
-        standalone.run()
-    }
-
-    const MODES: [(f64, f64); 5] =
-        [(440.0, 6.0), (1100.0, 9.0), (2500.0, 20.0), (6000.0, 50.0), (11_000.0, 90.0)];
-
-    fn ring(onsets: &[usize]) -> Vec<f32> {
-        let mode = |t: f64| {
-            MODES.iter().map(|(f, d)| (-d * t).exp() * (std::f64::consts::TAU * f * t).cos()).sum::<f64>()
-        };
-        let sample = |n: usize| {
-            let impact = |at: &usize| n.checked_sub(*at).map_or(0.0, |n| 0.1 * mode(n as f64 / 44_100.0));
-            onsets.iter().map(impact).sum::<f64>() as f32
-        };
-        (0..66_150).map(sample).collect()
-    }
-
-    #[test]
-    fn a_bell_rings_and_noise_does_not() {
-        let mut rng = Rng::new(8);
-        let thud: Vec<f32> = (0..44_100)
-            .map(|n| (0.5 * (-f64::from(n) / 900.0).exp() * rng.between(-1.0, 1.0)) as f32)
-            .collect();
-        let run = run(&[ring(&[2000]), thud], "None").unwrap();
-        let report = run.value(1).unwrap().get::<ExtractionReport>().unwrap().clone();
-        let [bell, thud] = [&report.recordings[0], &report.recordings[1]];
-        assert_eq!((bell.ringing, thud.ringing), (Some(true), Some(false)), "{:?}", thud.surrogate_db);
-        let sets = run.value(0).unwrap().get::<FeatureSets>().unwrap().clone();
-        for (f, d) in MODES {
-            let near = sets.sets[0].features.iter().find(|q| (q.freq_hz - f).abs() < 0.5).unwrap();
-            assert!((near.decay / d - 1.0).abs() < 0.01, "{near:?}");
-        }
-        assert!(report.plot().unwrap().contains("surrogate"));
-    }
-
-    #[test]
-    fn several_impacts_are_an_error_unless_they_are_split() {
-        let sound = ring(&[2000, 30_000]);
-        let fault = run(std::slice::from_ref(&sound), "None").err().unwrap();
-        assert!(fault.code == "F077" && fault.message.contains("2 impacts, at 0.000 s, 0.67"), "{fault:?}");
-        let count = |split| {
-            let run = run(std::slice::from_ref(&sound), split).unwrap();
-            run.value(0).unwrap().get::<FeatureSets>().unwrap().sets.len()
-        };
-        assert_eq!((count("First"), count("All")), (1, 2));
-    }
-
-    #[test]
-    fn clipped_and_silent_recordings_are_named() {
-        let clipped: Vec<f32> = ring(&[2000]).iter().map(|x| (4.0 * x).clamp(-0.5, 0.5)).collect();
-        let run_clipped = run(&[clipped], "None").unwrap();
-        assert!(
-            run_clipped.summary.iter().any(|(k, t)| *k == "warning" && t.to_string().contains("clipped"))
-        );
-        let fault = run(&[vec![0.0; 20_000]], "None").err().unwrap();
-        assert!(fault.message.contains("silent"), "{fault:?}");
-    }
-}
+mod tests;

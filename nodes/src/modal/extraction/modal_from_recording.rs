@@ -69,7 +69,7 @@ impl Func for ModalFromRecording {
     type Params = ModalFromRecordingParams;
     type Ports = ModalFromRecordingPorts;
     const NAME: &'static str = "ModalFromRecording";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     // The modes are named after the recording.
     const EXPOSES_PATHS: bool = true;
 
@@ -96,11 +96,16 @@ impl Func for ModalFromRecording {
         let path = &p.recording.0;
         let (samples, info) = RECORDING.read_mono(cx, path)?;
         let rate = f64::from(info.rate);
-        let params =
-            ExtractParams { modes: p.count, lowest: p.lowest, highest: p.highest, contact: p.contact };
+        let params = ExtractParams {
+            modes: p.count,
+            lowest: p.lowest,
+            highest: p.highest,
+            contact: p.contact,
+            ..ExtractParams::default()
+        };
         let (count, part) = (impacts(&samples, rate).len(), loudest_impact(&samples, rate));
-        let found =
-            extract(&samples[part.clone()], rate, &params).map_err(|e| RECORDING.unusable(path, e))?;
+        let found = extract(&samples[part.clone()], rate, &params)
+            .map_err(|e| RECORDING.unusable(path, &e).help(e.help()))?;
         let modes = found.modes(path, p.impulse, p.phases);
         let mut summary = modes.summary();
         summary.push(("onset_s", ((part.start + found.onset) as f64 / rate).into()));

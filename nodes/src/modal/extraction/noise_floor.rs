@@ -40,6 +40,11 @@ impl NoiseFloor {
         Self { variances, rate }
     }
 
+    /// Variance per sample of the noise; 0 if it is unknown.
+    pub(super) fn power(&self) -> f64 {
+        self.variances.iter().sum::<f64>() / self.variances.len().max(1) as f64
+    }
+
     /// Variance at a frequency in Hz; 0 if it is unknown.
     pub(super) fn variance(&self, frequency: f64) -> f64 {
         let last = self.variances.len().saturating_sub(1);

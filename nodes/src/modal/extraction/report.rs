@@ -1,6 +1,8 @@
 //! What was found in recordings.
 
 use super::feature::Feature;
+use super::one_object::TakePair;
+use super::takes::Take;
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use crate::plot::{Axis, Image, Line, beside, chart_over};
@@ -23,11 +25,14 @@ pub const RINGING: f64 = 5.0;
 pub struct RecordingReport {
     /// Name of the recording.
     pub recording: String,
+    /// What was struck, where and with what; `file` is the path as it was given.
+    #[serde(default)]
+    pub take: Take,
     /// Time of the onset, s.
     pub onset_s: f64,
-    /// Number of modes, and of those whose decay is certain.
+    /// Number of modes.
     pub modes: usize,
-    /// Number of modes that belong to the object.
+    /// Number of modes that belong to the object: their decay is certain.
     pub certain: usize,
     /// Energy of the residual from the onset to the end, dB.
     pub unexplained_db: f64,
@@ -37,6 +42,9 @@ pub struct RecordingReport {
     pub surrogate_db: Option<f64>,
     /// True if the recording is explained better than its surrogate by 5 dB or more.
     pub ringing: Option<bool>,
+    /// Energy that the modes of other takes of the object leave unexplained, from 5 ms after the onset on: the median over them, dB.
+    #[serde(default)]
+    pub by_other_takes_db: Option<f64>,
     /// What makes the modes doubtful.
     pub warnings: Vec<String>,
     /// The modes.
@@ -52,6 +60,12 @@ pub struct RecordingReport {
 pub struct ExtractionReport {
     /// One for each impact.
     pub recordings: Vec<RecordingReport>,
+    /// What takes of one object explain of each other; by the indices of `recordings`.
+    #[serde(default)]
+    pub pairs: Vec<TakePair>,
+    /// Recordings that were left out, with the reason.
+    #[serde(default)]
+    pub unusable: Vec<String>,
 }
 
 impl RecordingReport {
@@ -65,7 +79,10 @@ impl RecordingReport {
         };
         let lines: Vec<Line> = self.features.iter().map(line).collect();
         let surrogate = self.surrogate_db.map_or(String::new(), |db| format!(" (surrogate {db:.1} dB)"));
-        let title = format!("{}: {:.1} dB unexplained{surrogate}", self.recording, self.unexplained_db);
+        let takes =
+            self.by_other_takes_db.map_or(String::new(), |db| format!(", {db:.1} dB by other takes' modes"));
+        let title =
+            format!("{}: {:.1} dB unexplained{surrogate}{takes}", self.recording, self.unexplained_db);
         chart_over(Some(&self.picture), &title, &time, &frequency, &lines)
     }
 }
@@ -79,7 +96,7 @@ impl Data for ExtractionReport {
         let (pixels, seconds) = spectrogram(&samples, 8000.0);
         let picture = Image::grey(PICTURE, &pixels).unwrap_or_default();
         let report = RecordingReport { recording: "trial".into(), picture, seconds, ..Default::default() };
-        Self { recordings: vec![report] }
+        Self { recordings: vec![report], ..Self::default() }
     }
 
     fn plot(&self) -> Option<String> {
@@ -148,7 +165,7 @@ mod tests {
         assert!((darkest as f64 - expected).abs() < 4.0, "{darkest} {expected}");
         let feature = Feature { freq_hz: 1000.0, decay: 9.0, amp: 1.0, ..Feature::default() };
         let report = RecordingReport { features: vec![feature], picture, seconds, ..Default::default() };
-        let svg = ExtractionReport { recordings: vec![report] }.plot().unwrap();
+        let svg = ExtractionReport { recordings: vec![report], ..Default::default() }.plot().unwrap();
         assert!(svg.contains("data:image/png;base64") && svg.matches("<polyline").count() == 1);
         assert!(ExtractionReport::default().plot().is_none());
     }

@@ -19,6 +19,12 @@ fn sound(modes: &[Mode], rate: f64, seconds: f64, silence: usize, noise: f64, se
     out.iter().map(|x| (x + noise * normal_quantile(rng.uniform().max(1e-12))) as f32).collect()
 }
 
+/// Both extractors.
+fn extractors() -> [ExtractParams; 2] {
+    [Extractor::Subband, Extractor::Greedy { target: 0.9999 }]
+        .map(|extractor| ExtractParams { extractor, ..ExtractParams::default() })
+}
+
 fn nearest(found: &Extracted, frequency: f64) -> Feature {
     let near = |f: &&Feature| (f.freq_hz / frequency - 1.0).abs() < 0.003;
     *found.features.iter().filter(near).max_by(|a, b| a.amp.total_cmp(&b.amp)).unwrap()
@@ -31,7 +37,11 @@ fn bound(noise: f64, m: &Mode, rate: f64) -> f64 {
 
 #[test]
 fn single_modes_are_measured_at_each_frequency_and_decay() {
-    for rate in [44_100.0, 96_000.0] {
+    for (params, rate) in extractors()
+        .into_iter()
+        .zip([44_100.0, 96_000.0])
+        .chain(extractors().into_iter().zip([96_000.0, 44_100.0]))
+    {
         for f in [100.0, 1000.0, 8000.0] {
             for d in [3.0, 30.0, 300.0] {
                 if f == 100.0 && d == 300.0 {
@@ -40,7 +50,7 @@ fn single_modes_are_measured_at_each_frequency_and_decay() {
                 let mode = (f, d, 0.5, 0.3);
                 let noise = 0.005;
                 let samples = sound(&[mode], rate, 1.0, 6000, noise, 7);
-                let found = extract(&samples, rate, &ExtractParams::default()).unwrap();
+                let found = extract(&samples, rate, &params).unwrap();
                 let feature = nearest(&found, f);
                 let bound = bound(noise, &mode, rate);
                 // The onset is found within a fraction of a period only: phase and amplitude are those at the found one.
@@ -66,26 +76,27 @@ fn single_modes_are_measured_at_each_frequency_and_decay() {
 fn errors_are_near_the_bound_and_as_large_as_the_deviations() {
     let modes = [(400.0, 6.0, 0.3, 0.0), (1700.0, 25.0, 0.3, 1.0), (5200.0, 60.0, 0.3, 2.0)];
     let (rate, noise, runs) = (44_100.0, 3e-4, 20);
-    let mut errors = [0.0; 3];
-    let mut relative = Vec::new();
-    for seed in 0..runs {
-        let found =
-            extract(&sound(&modes, rate, 1.5, 5000, noise, seed), rate, &ExtractParams::default()).unwrap();
-        for (k, m) in modes.iter().enumerate() {
-            let feature = nearest(&found, m.0);
-            errors[k] += (feature.decay - m.1).powi(2);
-            relative.push(((feature.decay - m.1) / feature.sd_decay).powi(2));
-            assert!(feature.is_certain(0.3), "{feature:?}");
+    for params in extractors() {
+        let mut errors = [0.0; 3];
+        let mut relative = Vec::new();
+        for seed in 0..runs {
+            let found = extract(&sound(&modes, rate, 1.5, 5000, noise, seed), rate, &params).unwrap();
+            for (k, m) in modes.iter().enumerate() {
+                let feature = nearest(&found, m.0);
+                errors[k] += (feature.decay - m.1).powi(2);
+                relative.push(((feature.decay - m.1) / feature.sd_decay).powi(2));
+                assert!(feature.is_certain(0.3), "{feature:?}");
+            }
+            // Noise is no mode.
+            assert!(found.features.len() <= 5, "{:?}", found.features);
         }
-        // Noise is no mode.
-        assert!(found.features.len() <= 5, "{:?}", found.features);
+        for (k, m) in modes.iter().enumerate() {
+            let rmse = (errors[k] / runs as f64).sqrt();
+            assert!(rmse < 2.0 * bound(noise, m, rate), "{m:?}: {rmse} {}", bound(noise, m, rate));
+        }
+        let ratio = (relative.iter().sum::<f64>() / relative.len() as f64).sqrt();
+        assert!((0.6..1.5).contains(&ratio), "{ratio}");
     }
-    for (k, m) in modes.iter().enumerate() {
-        let rmse = (errors[k] / runs as f64).sqrt();
-        assert!(rmse < 2.0 * bound(noise, m, rate), "{m:?}: {rmse} {}", bound(noise, m, rate));
-    }
-    let ratio = (relative.iter().sum::<f64>() / relative.len() as f64).sqrt();
-    assert!((0.6..1.5).contains(&ratio), "{ratio}");
 }
 
 #[test]
@@ -95,8 +106,8 @@ fn close_modes_are_resolved() {
     {
         let modes = [(f, d, 0.3, 0.0), (f + apart, 1.2 * d, 0.2, 1.0)];
         let samples = sound(&modes, 44_100.0, 2.0, 100, 3e-4, seed as u64);
-        let found = extract(&samples, 44_100.0, &ExtractParams::default()).unwrap();
-        for m in modes {
+        for (params, m) in extractors().into_iter().flat_map(|p| modes.map(|m| (p, m))) {
+            let found = extract(&samples, 44_100.0, &params).unwrap();
             let near = found.features.iter().find(|q| (q.freq_hz - m.0).abs() < 0.3);
             let near = near.unwrap_or_else(|| panic!("{:?}", found.features));
             assert!((near.decay / m.1 - 1.0).abs() < 0.05, "{m:?} {near:?}");
@@ -108,14 +119,18 @@ fn close_modes_are_resolved() {
 fn the_residual_is_the_recording_without_the_modes() {
     let modes = [(440.0, 5.0, 0.3, 0.0), (1234.0, 40.0, 0.2, 1.0)];
     let samples = sound(&modes, 44_100.0, 1.0, 1000, 0.01, 3);
-    let found = extract(&samples, 44_100.0, &ExtractParams::default()).unwrap();
-    for (n, residual) in found.residual.iter().enumerate().step_by(997) {
-        let t = n as f64 / 44_100.0;
-        let mode = |f: &Feature| f.amp * libm::exp(-f.decay * t) * libm::cos(TAU * f.freq_hz * t + f.phase);
-        let sum: f64 = found.features.iter().map(mode).sum();
-        assert!((f64::from(samples[found.onset + n]) - sum - residual).abs() < 1e-9);
+    for params in extractors() {
+        let found = extract(&samples, 44_100.0, &params).unwrap();
+        let mut sum = found.residual.clone();
+        let exponents: Vec<C> =
+            found.features.iter().map(|f| C::new(-f.decay, TAU * f.freq_hz) / 44_100.0).collect();
+        let amplitudes: Vec<C> = found.features.iter().map(|f| C::from_polar(f.amp, f.phase)).collect();
+        add(&mut sum, &exponents, &amplitudes);
+        for (n, (sum, x)) in sum.iter().zip(&samples[found.onset..]).enumerate() {
+            assert!((sum - f64::from(*x)).abs() < 1e-12, "{n}: {sum} {x}");
+        }
+        assert_eq!(found.residual.len(), samples.len() - found.onset);
     }
-    assert_eq!(found.residual.len(), samples.len() - found.onset);
 }
 
 #[test]
@@ -123,11 +138,40 @@ fn louder_recordings_have_larger_amplitudes_and_the_same_modes() {
     let modes = [(440.0, 5.0, 0.3, 0.0), (1234.0, 40.0, 0.2, 1.0)];
     let samples = sound(&modes, 44_100.0, 1.0, 1000, 0.001, 3);
     let loud: Vec<f32> = samples.iter().map(|x| 4.0 * x).collect();
-    let [a, b] = [samples, loud].map(|x| extract(&x, 44_100.0, &ExtractParams::default()).unwrap());
-    assert_eq!(a.features.len(), b.features.len());
-    for (a, b) in a.features.iter().zip(&b.features) {
-        assert!((b.amp / a.amp - 4.0).abs() < 1e-8 && (b.decay / a.decay - 1.0).abs() < 1e-9, "{a:?} {b:?}");
+    for params in extractors() {
+        let [a, b] = [&samples, &loud].map(|x| extract(x, 44_100.0, &params).unwrap());
+        assert_eq!(a.features.len(), b.features.len());
+        for (a, b) in a.features.iter().zip(&b.features) {
+            let same = (b.amp / a.amp - 4.0).abs() < 4e-9 && (b.decay / a.decay - 1.0).abs() < 1e-9;
+            assert!(same, "{a:?} {b:?}");
+        }
     }
+}
+
+#[test]
+fn a_hum_is_no_mode_of_the_material() {
+    let mut samples = sound(&[(1000.0, 12.0, 0.3, 0.0)], 44_100.0, 1.5, 15_000, 1e-4, 3);
+    for (n, x) in samples.iter_mut().enumerate() {
+        *x += 0.02 * libm::sin(TAU * 50.0 * n as f64 / 44_100.0) as f32;
+    }
+    for params in extractors() {
+        let found = extract(&samples, 44_100.0, &ExtractParams { contact: true, ..params }).unwrap();
+        let set = crate::modal::FeatureSet { features: found.features, ..Default::default() };
+        let points = crate::material::Gate::default().points(&[set]).points;
+        assert_eq!(points.len(), 1, "{params:?}: {points:?}");
+        assert!((points[0].c / 24.0 - 1.0).abs() < 0.01, "{points:?}");
+    }
+}
+
+#[test]
+fn the_search_by_peaks_ends_at_its_target() {
+    let modes = [(400.0, 6.0, 0.3, 0.0), (1700.0, 25.0, 0.3, 1.0), (5200.0, 60.0, 0.1, 2.0)];
+    let samples = sound(&modes, 44_100.0, 1.0, 1000, 1e-4, 3);
+    let count = |target| {
+        let params = ExtractParams { extractor: Extractor::Greedy { target }, ..ExtractParams::default() };
+        extract(&samples, 44_100.0, &params).unwrap().features.len()
+    };
+    assert_eq!((count(0.5), count(0.95), count(0.9999)), (1, 2, 3));
 }
 
 #[test]
@@ -187,10 +231,11 @@ fn the_modes_of_a_bank_are_found_in_its_output() {
 
 #[test]
 fn recordings_without_an_impact_are_refused() {
-    let p = ExtractParams::default();
-    assert_eq!(extract(&[], 44_100.0, &p), Err(ExtractError::Silent));
-    assert_eq!(extract(&[0.0; 9000], 44_100.0, &p), Err(ExtractError::Silent));
-    assert_eq!(extract(&[1.0, f32::NAN], 44_100.0, &p), Err(ExtractError::NotFinite { index: 1 }));
-    assert!(matches!(extract(&[1.0; 100], 44_100.0, &p), Err(ExtractError::Short { .. })));
-    let _ = extract(&[1.0; 5000], 44_100.0, &p);
+    for p in extractors() {
+        assert_eq!(extract(&[], 44_100.0, &p), Err(ExtractError::Silent));
+        assert_eq!(extract(&[0.0; 9000], 44_100.0, &p), Err(ExtractError::Silent));
+        assert_eq!(extract(&[1.0, f32::NAN], 44_100.0, &p), Err(ExtractError::NotFinite { index: 1 }));
+        assert!(matches!(extract(&[1.0; 100], 44_100.0, &p), Err(ExtractError::Short { .. })));
+        let _ = extract(&[1.0; 5000], 44_100.0, &p);
+    }
 }
