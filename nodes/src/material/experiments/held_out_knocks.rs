@@ -103,7 +103,7 @@ fn synthetic_object(p: &HeldOutKnocksParams, k: usize, seed: u64) -> KnockedObje
         };
         let features: Vec<Feature> = points.iter().map(&mut feature).collect();
         let recording = format!("{name}, take {}", t + 1);
-        own_sound(FeatureSet { recording, object: name.clone(), features })
+        own_sound(FeatureSet { recording, object: name.clone(), support: String::new(), features })
     };
     KnockedObject { takes: own.map(take).collect(), name: name.clone(), synthetic: true }
 }
