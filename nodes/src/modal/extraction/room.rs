@@ -140,7 +140,7 @@ mod tests {
         let length = 1 << 17;
         let mut planner = RealFftPlanner::<f64>::new();
         let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
-        let mut transform = |x: &[f64]| {
+        let transform = |x: &[f64]| {
             let (mut time, mut bins) = (forward.make_input_vec(), forward.make_output_vec());
             time[..x.len()].copy_from_slice(x);
             forward.process(&mut time, &mut bins).unwrap();
