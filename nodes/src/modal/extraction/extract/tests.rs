@@ -155,7 +155,7 @@ fn a_hum_is_no_mode_of_the_material() {
         *x += 0.02 * libm::sin(TAU * 50.0 * n as f64 / 44_100.0) as f32;
     }
     for params in extractors() {
-        let found = extract(&samples, 44_100.0, &ExtractParams { contact: true, ..params }).unwrap();
+        let found = extract(&samples, 44_100.0, &params).unwrap();
         let set = crate::modal::FeatureSet { features: found.features, ..Default::default() };
         let points = crate::material::Gate::default().points(&[set]).points;
         assert_eq!(points.len(), 1, "{params:?}: {points:?}");
@@ -165,13 +165,14 @@ fn a_hum_is_no_mode_of_the_material() {
 
 #[test]
 fn the_search_by_peaks_ends_at_its_target() {
-    let modes = [(400.0, 6.0, 0.3, 0.0), (1700.0, 25.0, 0.3, 1.0), (5200.0, 60.0, 0.1, 2.0)];
-    let samples = sound(&modes, 44_100.0, 1.0, 1000, 1e-4, 3);
+    // They have 96.2, 3.7 and 0.1 % of the energy.
+    let modes = [(400.0, 6.0, 0.5, 0.0), (1700.0, 25.0, 0.2, 1.0), (5200.0, 60.0, 0.05, 2.0)];
+    let samples = sound(&modes, 44_100.0, 1.5, 6000, 1e-4, 3);
     let count = |target| {
         let params = ExtractParams { extractor: Extractor::Greedy { target }, ..ExtractParams::default() };
         extract(&samples, 44_100.0, &params).unwrap().features.len()
     };
-    assert_eq!((count(0.5), count(0.95), count(0.9999)), (1, 2, 3));
+    assert_eq!((count(0.5), count(0.98), count(0.9999)), (1, 2, 3));
 }
 
 #[test]
