@@ -140,7 +140,13 @@ impl Bank {
         };
         let phases: Vec<[f64; 2]> = indices.iter().map(phase).collect();
         for point in 0..points {
-            set_gains(&mut gains[point..], points, &indices, &phases, modes.row(point));
+            set_gains(
+                gains.get_mut(point..).unwrap_or_default(),
+                points,
+                &indices,
+                &phases,
+                modes.row(point),
+            );
         }
         let mut bank = Self {
             level: Level::new(),
@@ -292,7 +298,8 @@ impl Bank {
         if point >= points || gains.len() != self.total {
             return;
         }
-        set_gains(&mut self.gains[point..], points, &self.indices, &self.phases, gains);
+        let own = self.gains.get_mut(point..).unwrap_or_default();
+        set_gains(own, points, &self.indices, &self.phases, gains);
         if self.turned.is_empty() || self.stale {
             // The next grid point sets all of them.
             return;
