@@ -85,7 +85,7 @@ pub(super) fn greedy(
         };
         rejects = 0;
         found.push(s);
-        if found.len() % REFIT == 0 {
+        if found.len().is_multiple_of(REFIT) {
             residual = without_all(x, &found);
             spectrograms.transform(&residual);
             // What was rejected beside a mode may stand alone now.

@@ -105,7 +105,7 @@ impl Func for ModalFromRecording {
         };
         let (count, part) = (impacts(&samples, rate).len(), loudest_impact(&samples, rate));
         let found = extract(&samples[part.clone()], rate, &params)
-            .map_err(|e| RECORDING.unusable(path, &e).help(e.help()))?;
+            .map_err(|e| RECORDING.unusable(path, e).help(e.help()))?;
         let modes = found.modes(path, p.impulse, p.phases);
         let mut summary = modes.summary();
         summary.push(("onset_s", ((part.start + found.onset) as f64 / rate).into()));
