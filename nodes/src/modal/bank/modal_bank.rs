@@ -10,7 +10,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Retune, Summary, same_rate};
 use crate::core::params::Params;
-use crate::core::ports::{Events, In, Links, Many, Stream, Value};
+use crate::core::ports::{Events, In, Many, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Incoming, Shape};
 use crate::core::time::{Rate, Tick, ticks};
@@ -102,7 +102,7 @@ ports! {
             /// Impacts that move their contact points.
             positions: Option<Events<Impact>>,
             /// Supports of the object, for which `shapes` are needed.
-            supports: Many<Events<Support>>,
+            supports: Option<Events<Support>>,
             /// Dampings of a material over time.
             material: Option<Events<DampingCurve>>,
         }
@@ -214,12 +214,13 @@ fn too_many(p: &ModalBankParams, modes: &Modes) -> Option<Reject> {
 /// Takes the supports and materials of a range of ticks.
 fn take_events(
     dampings: &mut Dampings,
-    supports: &Links<'_, Events<Support>>,
+    supports: &[(Tick, Support)],
     materials: &[(Tick, DampingCurve)],
     ticks: Range<Tick>,
 ) {
     if let Some(all) = &mut dampings.supports {
-        supports.each_in_order(ticks.start, ticks.end, |link, _, support| all.take(link.into(), support));
+        let range = |tick: Tick| supports.partition_point(|(t, _)| *t < tick);
+        supports[range(ticks.start)..range(ticks.end)].iter().for_each(|(_, support)| all.take(support));
     }
     let until = materials.partition_point(|(tick, _)| *tick < ticks.end);
     if let Some((_, curve)) = materials[..until].last().filter(|(tick, _)| *tick >= ticks.start) {
@@ -349,6 +350,7 @@ impl Node for ModalBankNode {
         let out = io.audio.items();
         let mut moves =
             io.positions.as_ref().map_or(&[][..], |positions| positions.events()).iter().peekable();
+        let supports = io.supports.as_ref().map_or(&[][..], |supports| supports.events());
         let materials = io.material.as_ref().map_or(&[][..], |material| material.events());
         // Events before this tick have been taken.
         let mut taken = Tick::MIN;
@@ -357,7 +359,7 @@ impl Node for ModalBankNode {
             let index = first + at as i64;
             if self.bank.at_grid() {
                 let now = self.rate.tick(index);
-                take_events(&mut self.dampings, &io.supports, materials, taken..now + 1);
+                take_events(&mut self.dampings, supports, materials, taken..now + 1);
                 taken = now + 1;
                 // The latest one, or the one before the window.
                 let latest = |damping: &In<'_, f32>| {
@@ -399,7 +401,13 @@ impl Node for ModalBankNode {
             }
             at += n;
         }
-        take_events(&mut self.dampings, &io.supports, materials, taken..Tick::MAX);
+        take_events(&mut self.dampings, supports, materials, taken..Tick::MAX);
+        // Those after the last sample of the window.
+        for (_, impact) in moves {
+            if let Some(moving) = self.moving.as_mut().filter(|_| impact.is_valid()) {
+                moving.set(&mut self.bank, impact.point as usize, impact.local);
+            }
+        }
         self.gain.process(out);
         Ok(())
     }

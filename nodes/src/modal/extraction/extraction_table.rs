@@ -2,10 +2,11 @@
 
 use super::report::{ExtractionReport, RecordingReport};
 use crate::core::fault::{Fault, Reject};
-use crate::core::files::WriteSeek;
+use crate::core::files::{MemoryFiles, WriteSeek};
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::OutPath;
 use crate::core::ports::Value;
+use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 use std::fmt;
@@ -134,6 +135,12 @@ impl Node for ExtractionTable {
             summary.push((*field, path.as_str().into()));
         }
         Ok(summary)
+    }
+
+    fn trial(_: &mut Rng) -> (ExtractionTableParams, MemoryFiles) {
+        // Both files of a trial would have one name.
+        let params = ExtractionTableParams { path: OutPath("trial.out".into()), pairs: None };
+        (params, MemoryFiles::default())
     }
 }
 

@@ -6,7 +6,7 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{OutPath, Text};
-use crate::core::ports::{Events, Many, Value};
+use crate::core::ports::{Events, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Tick, ticks};
@@ -46,7 +46,7 @@ ports! {
             /// Their shapes on the surface.
             shapes: Value<ModeShapes>,
             /// The supports, from `ContactDamping`.
-            supports: Many<Events<Support>>,
+            supports: Events<Support>,
         }
         out {}
     }
@@ -169,10 +169,10 @@ impl Node for ModeDecayTimes {
     }
 
     fn run(&mut self, io: ModeDecayTimesIo<'_>) -> Result<(), Fault> {
-        io.supports.each_in_order(Tick::MIN, Tick::MAX, |link, tick, support| {
-            self.pass(tick);
-            self.supports.take(link.into(), support);
-        });
+        for (tick, support) in io.supports.events() {
+            self.pass(*tick);
+            self.supports.take(support);
+        }
         Ok(())
     }
 
@@ -215,7 +215,7 @@ mod tests {
     use super::*;
     use crate::core::files::MemoryOutputs;
     use crate::core::item::Data;
-    use crate::core::standalone::{Feed, Standalone};
+    use crate::core::standalone::Standalone;
 
     #[test]
     fn the_table_has_the_decay_time_of_each_mode_at_each_time() {
@@ -239,7 +239,7 @@ mod tests {
         let mut standalone = Standalone::new::<ModeDecayTimes>(params)
             .value(ModeDecayTimesPorts::modes, modes)
             .value(ModeDecayTimesPorts::shapes, shapes)
-            .feed(ModeDecayTimesPorts::supports.index(), Feed::events(events, ticks(1.0)));
+            .events(ModeDecayTimesPorts::supports, events, ticks(1.0));
         standalone.outputs = MemoryOutputs::default();
         let outputs = standalone.outputs.clone();
         let run = standalone.window(ticks(0.13)).run().unwrap();

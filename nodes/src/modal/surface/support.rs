@@ -63,8 +63,8 @@ pub struct Supports {
     index: SurfaceIndex,
     /// Maximum distance from the surface, m.
     limit: f64,
-    /// Current supports, then unused ones: link, id and the decay rates of each.
-    all: Vec<(u64, u64, Vec<f64>)>,
+    /// Current supports, then unused ones: id and the decay rates of each.
+    all: Vec<(u64, Vec<f64>)>,
     /// Latest change of each, for the coupling.
     latest: Vec<Support>,
     /// The whole damping matrix, if modes are coupled.
@@ -91,7 +91,7 @@ impl Supports {
         Self {
             index,
             limit,
-            all: vec![(0, 0, vec![0.0; modes]); ROOM],
+            all: vec![(0, vec![0.0; modes]); ROOM],
             latest: vec![NONE; ROOM],
             coupling: None,
             used: 0,
@@ -105,15 +105,15 @@ impl Supports {
         }
     }
 
-    /// Takes a change of a support that comes from link `link`.
+    /// Takes a change of a support.
     ///
     /// # Complexity
     /// O(supports * modes).
-    pub fn take(&mut self, link: u64, support: &Support) {
+    pub fn take(&mut self, support: &Support) {
         if !support.is_valid() {
             return;
         }
-        let known = self.all[..self.used].iter().position(|(l, id, _)| (*l, *id) == (link, support.id));
+        let known = self.all[..self.used].iter().position(|(id, _)| *id == support.id);
         if support.coefficient == 0.0 {
             let Some(k) = known else { return };
             self.used -= 1;
@@ -121,11 +121,11 @@ impl Supports {
             self.latest.swap(k, self.used);
         } else {
             let k = known.unwrap_or(self.used);
-            let Some((l, id, rates)) = self.all.get_mut(k) else {
+            let Some((id, rates)) = self.all.get_mut(k) else {
                 self.left_out += 1;
                 return;
             };
-            (*l, *id) = (link, support.id);
+            *id = support.id;
             rates.fill(0.0);
             self.latest[k] = NONE;
             let surface = self.shapes.surface();
@@ -141,7 +141,7 @@ impl Supports {
             self.used = self.used.max(k + 1);
         }
         self.target.fill(0.0);
-        for (_, _, rates) in &self.all[..self.used] {
+        for (_, rates) in &self.all[..self.used] {
             self.target.iter_mut().zip(rates).for_each(|(sum, rate)| *sum += rate);
         }
         if let Some(coupling) = &mut self.coupling {
@@ -243,17 +243,16 @@ mod tests {
         let close = |found: &[f32], factor: f64| {
             found.iter().zip(&one).all(|(f, one)| (f64::from(*f) - factor * one).abs() < 1e-5 * (1.0 + one))
         };
-        supports.take(0, &support(1, 2.0));
+        supports.take(&support(1, 2.0));
         assert!(close(supports.advance(0.005), 0.5), "half of the way");
         assert!(close(supports.advance(0.005), 1.0));
-        // Another link may use the same number.
-        supports.take(1, &support(1, 1.0));
+        supports.take(&support(2, 1.0));
         assert!(close(supports.advance(1.0), 1.5));
-        supports.take(0, &support(1, 4.0));
+        supports.take(&support(1, 4.0));
         assert!(close(supports.advance(1.0), 2.5));
-        supports.take(0, &support(1, 0.0));
-        supports.take(1, &support(1, 0.0));
-        supports.take(1, &support(7, 0.0));
+        supports.take(&support(1, 0.0));
+        supports.take(&support(2, 0.0));
+        supports.take(&support(7, 0.0));
         assert!(supports.advance(1.0).iter().all(|x| *x == 0.0));
         assert_eq!(supports.warning(), None);
     }
@@ -262,12 +261,12 @@ mod tests {
     fn what_lies_elsewhere_or_is_not_a_number_does_not_damp() {
         let shapes = Arc::new(ModeShapes::trial(&mut Rng::new(5)));
         let mut supports = Supports::new(shapes, 0.05);
-        supports.take(0, &Support { local: [0.0, 0.0, 2.0], ..support(1, 1.0) });
-        supports.take(0, &Support { coefficient: f32::NAN, ..support(2, 1.0) });
-        supports.take(0, &Support { local: [f32::INFINITY; 3], ..support(3, 1.0) });
+        supports.take(&Support { local: [0.0, 0.0, 2.0], ..support(1, 1.0) });
+        supports.take(&Support { coefficient: f32::NAN, ..support(2, 1.0) });
+        supports.take(&Support { local: [f32::INFINITY; 3], ..support(3, 1.0) });
         assert!(supports.advance(1.0).iter().all(|x| *x == 0.0));
         assert!(supports.warning().unwrap().contains("m from the surface"));
-        (0..100).for_each(|id| supports.take(0, &support(id, 1.0)));
+        (0..100).for_each(|id| supports.take(&support(id, 1.0)));
         assert!(supports.used == ROOM && supports.left_out == 36, "{} {}", supports.used, supports.left_out);
     }
 }
