@@ -174,6 +174,7 @@ impl Func for ModelModes {
     type Params = ModelModesParams;
     type Ports = ModelModesPorts;
     const NAME: &'static str = "ModelModes";
+    const VERSION: u32 = 2;
 
     fn eval(p: &ModelModesParams, _: &Build<'_>, mut io: ModelModesIo<'_>) -> Result<Summary, Fault> {
         let (model, material) = (io.model, io.material);
