@@ -95,8 +95,8 @@ fn main() {
     modes("square bar", &small, 200_000.0);
     modes("square bar", &block([0.2, 0.02, 0.02], [80, 8, 8]), 200_000.0);
     scipy("marimba bar", Path::new(&path));
-    let folder = std::env::temp_dir().join("foley_bench_bar.msh");
-    if std::fs::write(&folder, gmsh(&small)).is_ok() {
-        scipy("square bar of 1,944 tetrahedra", &folder);
+    let file = std::env::temp_dir().join("foley_bench_bar.msh");
+    if std::fs::write(&file, gmsh(&small)).is_ok() {
+        scipy("square bar of 1,944 tetrahedra", &file);
     }
 }

@@ -47,7 +47,6 @@ use crate::mesh::mesh_generator::MeshGenerator;
 use crate::mesh::mesh_sequence::MeshSequence;
 use crate::mesh::mesh_subdivide::MeshSubdivide;
 use crate::modal::bank::modal_bank::ModalBankNode;
-use crate::modal::extraction::extraction_table::ExtractionTable;
 use crate::modal::extraction::impacts_from_recording::ImpactsFromRecording;
 use crate::modal::extraction::modal_features::ModalFeatures;
 use crate::modal::extraction::modal_from_recording::ModalFromRecording;
@@ -304,7 +303,6 @@ impl Registry {
             .with::<UnitConcatenator>()
             .with::<SelectionReportNode>()
             .family("modal")
-            .with::<ExtractionTable>()
             .with::<ImpactFile>()
             .with::<ImpactsFromRecording>()
             .with::<SoundComparison>()

@@ -22,13 +22,20 @@ impl fmt::Debug for TextOutput {
 }
 
 impl TextOutput {
-    /// Opens the file of a parameter; none if the parameter is not set.
+    /// Opens the file of a parameter.
     ///
     /// # Errors
     /// When it cannot be created; the error names `field`.
+    pub fn create(cx: &Build<'_>, field: &'static str, path: &OutPath) -> Result<Self, Fault> {
+        Ok(Self { field, path: path.0.clone(), file: cx.create(field, &path.0)? })
+    }
+
+    /// Opens the file of a parameter; none if the parameter is not set.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create).
     pub fn open(cx: &Build<'_>, field: &'static str, path: Option<&OutPath>) -> Result<Option<Self>, Fault> {
-        path.map(|path| Ok(Self { field, path: path.0.clone(), file: cx.create(field, &path.0)? }))
-            .transpose()
+        path.map(|path| Self::create(cx, field, path)).transpose()
     }
 
     /// Writes the whole text, and adds the path to the summary.

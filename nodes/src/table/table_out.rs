@@ -2,15 +2,13 @@
 
 use super::result_table::ResultTable;
 use crate::core::fault::{Fault, Reject};
-use crate::core::files::WriteSeek;
 use crate::core::item::Data;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::OutPath;
 use crate::core::ports::Value;
 use crate::core::shape::{Build, Shape};
+use crate::io::text_output::TextOutput;
 use crate::{params, ports};
-use std::fmt;
-use std::io::Write as _;
 
 /// Maximum number of rows in the summary of a run.
 const MAX_ROWS: usize = 100;
@@ -35,16 +33,10 @@ ports! {
 }
 
 /// The node over [`ResultTable::csv`].
+#[derive(Debug)]
 pub struct TableOut {
-    files: Vec<(&'static str, String, Box<dyn WriteSeek>, String)>,
+    files: Vec<(TextOutput, String)>,
     rows: Vec<String>,
-}
-
-impl fmt::Debug for TableOut {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let paths: Vec<&str> = self.files.iter().map(|(_, path, ..)| path.as_str()).collect();
-        write!(f, "TableOut({paths:?})")
-    }
 }
 
 impl Node for TableOut {
@@ -62,12 +54,12 @@ impl Node for TableOut {
         let table = cx.value(TableOutPorts::table);
         let csv = table.csv();
         let rows = csv.lines().take(MAX_ROWS + 1).map(str::to_owned).collect();
-        let mut files = vec![("path", p.path.0.clone(), cx.create("path", &p.path.0)?, csv)];
+        let mut files = vec![(TextOutput::create(cx, "path", &p.path)?, csv)];
         if let Some(path) = &p.figure {
             let Some(svg) = table.plot() else {
                 return Err(Reject::new("F083", "this table has no charts").at("figure").into());
             };
-            files.push(("figure", path.0.clone(), cx.create("figure", &path.0)?, svg));
+            files.push((TextOutput::create(cx, "figure", path)?, svg));
         }
         Ok(Self { files, rows })
     }
@@ -78,11 +70,7 @@ impl Node for TableOut {
 
     fn finish(&mut self, _: TableOutIo<'_>) -> Result<Summary, Fault> {
         let mut summary = Summary::new();
-        for (field, path, file, text) in &mut self.files {
-            let written = file.write_all(text.as_bytes()).and_then(|()| file.flush());
-            written.map_err(|e| Fault::new("F080", format!("cannot write {path:?}: {e}")).at(*field))?;
-            summary.push((*field, path.as_str().into()));
-        }
+        self.files.iter_mut().try_for_each(|(file, text)| file.write(text, &mut summary))?;
         summary.push(("rows", serde_json::json!(self.rows)));
         Ok(summary)
     }

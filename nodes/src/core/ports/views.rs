@@ -316,16 +316,15 @@ impl<K: One> InKind for Delayed<K> {
 }
 
 impl<T: Event> Links<'_, Events<T>> {
-    /// Visits the events of all links from one tick until before another, in the order of time; of equal times those of the first link
-    /// come first.
-    pub fn each_in_order(&self, from: Tick, before: Tick, mut visit: impl FnMut(u32, Tick, &T)) {
-        let mut at = from;
+    /// Visits the events of all links in the order of time; of equal times those of the first link come first.
+    pub fn each_in_order(&self, mut visit: impl FnMut(u32, Tick, &T)) {
+        let mut at = Tick::MIN;
         loop {
             let next = self.iter().filter_map(|link| {
                 let events = link.events();
                 events.get(events.partition_point(|(tick, _)| *tick < at)).map(|(tick, _)| *tick)
             });
-            let Some(now) = next.min().filter(|now| *now < before) else { return };
+            let Some(now) = next.min() else { return };
             for (k, link) in self.iter().enumerate() {
                 let events = link.events();
                 let first = events.partition_point(|(tick, _)| *tick < now);

@@ -2,7 +2,7 @@
 
 use crate::core::random::Rng;
 use crate::material::estimation::point::DampingPoint;
-use crate::material::statistics::normal::normal_quantile;
+use crate::material::statistics::normal::standard_normal;
 use std::f64::consts::{PI, TAU};
 
 /// Range of the fundamental frequencies of objects, Hz.
@@ -26,11 +26,6 @@ const FASTEST: f64 = 1000.0;
 /// Range of the dampings of spurious features, 1/s.
 pub const SPURIOUS: [f64; 2] = [0.5, 500.0];
 
-/// A standard normal variable.
-pub fn normal(rng: &mut Rng) -> f64 {
-    normal_quantile(rng.between(1e-12, 1.0))
-}
-
 fn log_uniform(rng: &mut Rng, [low, high]: [f64; 2]) -> f64 {
     low * libm::pow(high / low, rng.uniform())
 }
@@ -47,7 +42,7 @@ pub fn independent_points(rng: &mut Rng, n: usize, [a1, a2, sigma, eta]: [f64; 4
             let frequency = 200.0 * libm::pow(75.0, rng.uniform());
             let lambda = (TAU * frequency).powi(2);
             let excess = -libm::log(1.0 - rng.uniform()) / eta;
-            let noise = sigma * normal(rng);
+            let noise = sigma * standard_normal(rng);
             DampingPoint::new(lambda, (a1 + a2 * lambda + excess + noise).max(1e-3))
         })
         .collect()
@@ -98,7 +93,7 @@ fn frequencies(rng: &mut Rng, kind: usize) -> Vec<f64> {
 ///
 /// Its gamma shape by moments is 1, as that of contacts with a friction of 0.5, but it is not exponential.
 fn support_damping(rng: &mut Rng) -> f64 {
-    let sum: f64 = DIRECTIONS.iter().map(|w| w * normal(rng).powi(2)).sum();
+    let sum: f64 = DIRECTIONS.iter().map(|w| w * standard_normal(rng).powi(2)).sum();
     sum / DIRECTIONS.iter().sum::<f64>()
 }
 
@@ -133,7 +128,7 @@ impl Collection {
             for _ in 0..size.sounds {
                 let support = &supports[rng.below(supports.len())];
                 let level: Vec<f64> =
-                    modes.iter().map(|f| (normal(rng) * impact_spectrum(*f)).abs()).collect();
+                    modes.iter().map(|f| (standard_normal(rng) * impact_spectrum(*f)).abs()).collect();
                 let quietest = level.iter().copied().fold(0.0, f64::max) * libm::pow(10.0, QUIETEST / 20.0);
                 let recording = sounds.len() as u32;
                 let feature = |(k, f): (usize, &f64)| {
@@ -155,7 +150,7 @@ impl Collection {
     pub fn with_errors(&self, rng: &mut Rng, noise: f64, spurious: f64) -> Self {
         let mut out = self.clone();
         for p in out.sounds.iter_mut().flatten() {
-            p.c *= (1.0 + noise * normal(rng)).max(0.01);
+            p.c *= (1.0 + noise * standard_normal(rng)).max(0.01);
             p.sd_c = noise * p.c;
             if rng.uniform() < spurious {
                 p.c = spurious_damping(rng);

@@ -3,16 +3,14 @@
 use super::material::Material;
 use super::reader::write_material;
 use crate::core::fault::{Fault, Reject};
-use crate::core::files::WriteSeek;
 use crate::core::item::Data;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::OutPath;
 use crate::core::ports::Value;
 use crate::core::shape::{Build, Shape};
+use crate::io::text_output::TextOutput;
 use crate::material::estimation::report::FitReport;
 use crate::{params, ports};
-use std::fmt;
-use std::io::Write as _;
 
 params! {
     /// Writes a material to a file that `MaterialFile` reads, and the figure of its fit.
@@ -36,15 +34,9 @@ ports! {
 }
 
 /// The node over [`write_material`].
+#[derive(Debug)]
 pub struct MaterialOut {
-    files: Vec<(&'static str, String, Box<dyn WriteSeek>, String)>,
-}
-
-impl fmt::Debug for MaterialOut {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let paths: Vec<&str> = self.files.iter().map(|(_, path, ..)| path.as_str()).collect();
-        write!(f, "MaterialOut({paths:?})")
-    }
+    files: Vec<(TextOutput, String)>,
 }
 
 impl Node for MaterialOut {
@@ -64,11 +56,10 @@ impl Node for MaterialOut {
 
     fn build(p: &MaterialOutParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let material = cx.value(MaterialOutPorts::material);
-        let mut files =
-            vec![("path", p.path.0.clone(), cx.create("path", &p.path.0)?, write_material(&material, &[]))];
+        let mut files = vec![(TextOutput::create(cx, "path", &p.path)?, write_material(&material, &[]))];
         if let Some(path) = &p.figure {
             let svg = cx.optional_value(MaterialOutPorts::report).and_then(|report| report.plot());
-            files.push(("figure", path.0.clone(), cx.create("figure", &path.0)?, svg.unwrap_or_default()));
+            files.push((TextOutput::create(cx, "figure", path)?, svg.unwrap_or_default()));
         }
         Ok(Self { files })
     }
@@ -79,11 +70,7 @@ impl Node for MaterialOut {
 
     fn finish(&mut self, _: MaterialOutIo<'_>) -> Result<Summary, Fault> {
         let mut summary = Summary::new();
-        for (field, path, file, text) in &mut self.files {
-            let written = file.write_all(text.as_bytes()).and_then(|()| file.flush());
-            written.map_err(|e| Fault::new("F080", format!("cannot write {path:?}: {e}")).at(*field))?;
-            summary.push((*field, path.as_str().into()));
-        }
+        self.files.iter_mut().try_for_each(|(file, text)| file.write(text, &mut summary))?;
         Ok(summary)
     }
 }

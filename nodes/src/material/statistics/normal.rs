@@ -1,5 +1,6 @@
 //! Quantiles of the normal distribution, to full precision.
 
+use crate::core::random::Rng;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 /// The standard normal variable below which a share `p` lies, for `0 < p < 1`.
@@ -24,6 +25,11 @@ pub fn normal_quantile(p: f64) -> f64 {
         x += step / (1.0 - 0.5 * x * step);
     }
     if p < 0.5 { -x } else { x }
+}
+
+/// A standard normal variable.
+pub fn standard_normal(rng: &mut Rng) -> f64 {
+    normal_quantile(rng.between(1e-12, 1.0))
 }
 
 #[cfg(test)]

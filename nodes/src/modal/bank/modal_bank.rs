@@ -194,15 +194,6 @@ fn mismatches<'a>(
     forces.iter().enumerate().filter_map(beyond_points).chain(wide)
 }
 
-/// Errors for shapes of another object.
-pub(in crate::modal) fn misplaced(shapes: &ModeShapes, modes: &Modes) -> Option<Reject> {
-    if shapes.len() != modes.len() {
-        let message = format!("shapes of {} modes for {} modes", shapes.len(), modes.len());
-        return Some(Reject::new("F078", message).at("shapes").help("link both outputs of one ModelModes"));
-    }
-    shapes.validate().err().map(|e| Reject::new("F078", e).at("shapes"))
-}
-
 /// The error for more modes than can be coupled.
 fn too_many(p: &ModalBankParams, modes: &Modes) -> Option<Reject> {
     (p.coupling == SupportCoupling::Full && modes.len() > MAX_COUPLED).then(|| {
@@ -229,6 +220,21 @@ fn take_events(
 }
 
 impl ModalBankNode {
+    /// Moves contact points for the impacts up to a sample, and returns the next sample at which one moves.
+    fn move_points(&mut self, moves: &mut &[(Tick, Impact)], sample: i64) -> Option<i64> {
+        while let Some(((tick, impact), rest)) = moves.split_first() {
+            let next = self.rate.first_at(*tick);
+            if next > sample {
+                return Some(next);
+            }
+            if let Some(moving) = self.moving.as_mut().filter(|_| impact.is_valid()) {
+                moving.set(&mut self.bank, impact.point as usize, impact.local);
+            }
+            *moves = rest;
+        }
+        None
+    }
+
     fn set_floor(&mut self) {
         // The floor is a level of the output, but a small gain must not stop the modes earlier.
         let gain = factor(&self.params, self.unit).abs().max(1.0);
@@ -270,8 +276,7 @@ impl Node for ModalBankNode {
             let moves = s.linked(ModalBankPorts::positions);
             let found: Vec<Reject> = mismatches(p, &forces, named(dampings), &modes, moves).collect();
             let shapes = s.optional_value(ModalBankPorts::shapes);
-            let misplaced =
-                shapes.and_then(|shapes| misplaced(&shapes, &modes).or_else(|| too_many(p, &modes)));
+            let misplaced = shapes.and_then(|shapes| shapes.mismatch(&modes).or_else(|| too_many(p, &modes)));
             found.into_iter().chain(misplaced).for_each(|found| s.wrong(found));
             let dropped =
                 Bank::culled(&modes, first.rate.as_f64(), p.output, p.cull).map_err(reject)?.dropped();
@@ -306,7 +311,7 @@ impl Node for ModalBankNode {
         let shapes = cx.optional_value(ModalBankPorts::shapes);
         modes.validate().map_err(reject)?;
         let misplaced =
-            shapes.as_ref().and_then(|shapes| misplaced(shapes, &modes).or_else(|| too_many(p, &modes)));
+            shapes.as_ref().and_then(|shapes| shapes.mismatch(&modes).or_else(|| too_many(p, &modes)));
         if let Some(found) =
             mismatches(p, &forces, named(dampings), &modes, shapes.is_some()).chain(misplaced).next()
         {
@@ -348,8 +353,7 @@ impl Node for ModalBankNode {
         let first = io.audio.first();
         self.bank.align(first);
         let out = io.audio.items();
-        let mut moves =
-            io.positions.as_ref().map_or(&[][..], |positions| positions.events()).iter().peekable();
+        let mut moves = io.positions.as_ref().map_or(&[][..], |positions| positions.events());
         let supports = io.supports.as_ref().map_or(&[][..], |supports| supports.events());
         let materials = io.material.as_ref().map_or(&[][..], |material| material.events());
         // Events before this tick have been taken.
@@ -371,16 +375,8 @@ impl Node for ModalBankNode {
                 self.dampings.apply(&mut self.bank, factors, added, GRID as f64 / self.rate.as_f64());
             }
             let mut n = self.bank.until_grid().min(out.len() - at);
-            while let Some((tick, impact)) = moves.peek() {
-                let item = self.rate.first_at(*tick);
-                if item > index {
-                    n = n.min((item - index) as usize);
-                    break;
-                }
-                if let Some(moving) = self.moving.as_mut().filter(|_| impact.is_valid()) {
-                    moving.set(&mut self.bank, impact.point as usize, impact.local);
-                }
-                moves.next();
+            if let Some(next) = self.move_points(&mut moves, index) {
+                n = n.min((next - index) as usize);
             }
             // Coupled modes exchange energy after each sample.
             n = if self.dampings.coupling().is_some() { 1 } else { n };
@@ -403,11 +399,7 @@ impl Node for ModalBankNode {
         }
         take_events(&mut self.dampings, supports, materials, taken..Tick::MAX);
         // Those after the last sample of the window.
-        for (_, impact) in moves {
-            if let Some(moving) = self.moving.as_mut().filter(|_| impact.is_valid()) {
-                moving.set(&mut self.bank, impact.point as usize, impact.local);
-            }
-        }
+        self.move_points(&mut moves, i64::MAX);
         self.gain.process(out);
         Ok(())
     }

@@ -2,8 +2,9 @@
 
 use super::dictionary::Problem;
 use super::exponentials::{C, add, energy, exp, products};
+use super::extract::without;
 use super::noise_floor::NoiseFloor;
-use super::refinement::Limits;
+use super::refinement::{Limits, Sines};
 use super::spectrograms::{Level, NEAR, Spectrograms};
 use std::f64::consts::TAU;
 
@@ -101,12 +102,10 @@ pub(super) fn greedy(
 /// The sound without the modes, with the amplitudes that explain the most.
 fn without_all(x: &[f64], exponents: &[C]) -> Vec<f64> {
     let problem = Problem { count: x.len(), after: 0, ridge: 1e-9 * energy(x) };
-    let mut residual = x.to_vec();
-    if let Some((amplitudes, _)) = problem.amplitudes(exponents, &products(x, exponents)) {
-        let negative: Vec<C> = amplitudes.iter().map(|a| -a).collect();
-        add(&mut residual, exponents, &negative);
+    match problem.amplitudes(exponents, &products(x, exponents)) {
+        Some((amplitudes, _)) => without(x, &Sines { exponents: exponents.to_vec(), amplitudes }),
+        None => x.to_vec(),
     }
-    residual
 }
 
 /// Level and bin of the peak that stands out most over the noise.

@@ -18,6 +18,7 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
 use crate::plot::Image;
+use crate::table::ResultTable;
 use crate::{choices, params, ports};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -59,7 +60,7 @@ params! {
     /// optionally `object`, `material`, `support`, `hit`, `striker` and `licence`. Each is explained by damped sines, as in
     /// `ModalFromRecording`. Their frequencies and decay rates have standard deviations, which follow from what is left unexplained
     /// around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it lists what was found, and
-    /// `ExtractionTable` writes a row for each recording.
+    /// `table` has a row for each recording, for a `TableOut`.
     ///
     /// A recording rings if it is explained better by 5 dB than noise with the same spectrogram, its surrogate: dull thuds are explained
     /// as well as their surrogates, and their modes say little of the material. Surrogates depend on the index of the recording only.
@@ -115,6 +116,11 @@ ports! {
             features: Value<FeatureSets>,
             /// What was found, with spectrograms.
             report: Value<ExtractionReport>,
+            /// A row for each recording: onset, modes and those with a certain decay, energy that no mode explains (of the recording, of its
+            /// surrogate, and from 5 ms after the onset on), whether it rings, what the modes of other takes leave unexplained, warnings.
+            table: Value<ResultTable>,
+            /// A row for each pair of takes of one object: what the modes of each leave unexplained of the other.
+            pairs: Value<ResultTable>,
         }
     }
 }
@@ -345,7 +351,10 @@ impl Func for ModalFeatures {
             summary.extend(texts.map(|text| ("warning", format!("{}: {text}", report.recording).into())));
         }
         io.features.set(FeatureSets { sets });
-        io.report.set(ExtractionReport { recordings: reports, pairs, unusable });
+        let report = ExtractionReport { recordings: reports, pairs, unusable };
+        io.table.set(report.table());
+        io.pairs.set(report.pairs_table());
+        io.report.set(report);
         Ok(summary)
     }
 

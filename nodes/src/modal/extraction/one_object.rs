@@ -1,14 +1,10 @@
 //! A test of takes: recordings of one object have the same poles, whatever was struck where.
 
-use super::dictionary::Problem;
-use super::exponentials::{C, energy, products};
-use super::extract::without;
-use super::feature::{Feature, FeatureSet};
+use super::feature::FeatureSet;
 use super::onset::onset;
-use super::refinement::Sines;
+use super::poles::unexplained_db;
 use crate::material::statistics::quantile;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::TAU;
 
 /// Time after the onset that is left out, s: the contact differs from take to take.
 const CONTACT: f64 = 0.005;
@@ -16,8 +12,6 @@ const CONTACT: f64 = 0.005;
 pub const ONE_OBJECT: f64 = -10.0;
 /// Maximum number of takes with which each is compared.
 const PARTNERS: usize = 8;
-/// Penalties of the squared amplitudes, relative to the energy, of which the first that suffices counts.
-const PENALTIES: [f64; 3] = [1e-9, 1e-6, 1e-3];
 
 /// Energy that the modes of a take leave unexplained of another recording, from 5 ms after its onset to its end, in dB of that energy.
 ///
@@ -44,22 +38,8 @@ pub fn unexplained_by(set: &FeatureSet, samples: &[f32], rate: f64) -> f64 {
     let sound: Vec<f64> = samples[start..].iter().map(|x| f64::from(*x)).collect();
     let late = ((CONTACT * rate) as usize).min(sound.len() / 2);
     let sound = &sound[late..];
-    let below = |f: &&Feature| f.freq_hz < 0.5 * rate;
-    let exponents: Vec<C> =
-        set.features.iter().filter(below).map(|f| C::new(-f.decay / rate, TAU * f.freq_hz / rate)).collect();
-    let total = energy(sound);
-    if total <= 0.0 || exponents.is_empty() {
-        return 0.0;
-    }
-    let found = products(sound, &exponents);
-    // A little penalty makes the amplitudes of modes that can hardly be told apart unique.
-    let fit = |part: &f64| {
-        let problem = Problem { count: sound.len(), after: 0, ridge: part * total };
-        problem.amplitudes(&exponents, &found)
-    };
-    let Some((amplitudes, _)) = PENALTIES.iter().find_map(fit) else { return 0.0 };
-    let residual = without(sound, &Sines { exponents, amplitudes });
-    10.0 * (energy(&residual) / total).max(1e-30).log10()
+    let poles: Vec<[f64; 2]> = set.features.iter().map(|f| [f.freq_hz, f.decay]).collect();
+    unexplained_db(sound, rate, &poles)
 }
 
 /// What two takes of one object explain of each other.
@@ -126,7 +106,7 @@ mod tests {
     use super::super::extract::{ExtractParams, extract};
     use super::*;
     use crate::core::random::Rng;
-    use std::f64::consts::PI;
+    use std::f64::consts::{PI, TAU};
 
     /// An impact on an object whose modes have the given frequencies and decay rates, with amplitudes of its own.
     fn take(modes: &[(f64, f64)], object: &str, seed: u64) -> TakeSound {

@@ -125,15 +125,11 @@ mod tests {
     use super::super::extract::{ExtractParams, extract};
     use super::*;
     use crate::core::random::Rng;
-    use crate::material::statistics::normal::normal_quantile;
+    use crate::material::statistics::normal::standard_normal;
     use realfft::RealFftPlanner;
 
     const RATE: f64 = 44_100.0;
     const T60: f64 = 0.3;
-
-    fn normal(rng: &mut Rng) -> f64 {
-        normal_quantile(rng.uniform().max(1e-12))
-    }
 
     /// A sound in a room whose reverberation has the energy of the direct sound.
     fn in_room(dry: &[f64], rng: &mut Rng) -> Vec<f32> {
@@ -148,7 +144,7 @@ mod tests {
         };
         let decay = 3.0 * LN_10 / T60 / RATE;
         let mut response: Vec<f64> =
-            (0..16_000).map(|n| normal(rng) * libm::exp(-decay * f64::from(n))).collect();
+            (0..16_000).map(|n| standard_normal(rng) * libm::exp(-decay * f64::from(n))).collect();
         let scale = response.iter().map(|x| x * x).sum::<f64>().sqrt();
         response.iter_mut().for_each(|x| *x /= scale);
         response[0] += 1.0;
@@ -156,7 +152,7 @@ mod tests {
         product.iter_mut().zip(&other).for_each(|(a, b)| *a *= b);
         let mut wet = inverse.make_output_vec();
         inverse.process(&mut product, &mut wet).unwrap();
-        wet[..dry.len()].iter().map(|x| (x / length as f64 + 1e-5 * normal(rng)) as f32).collect()
+        wet[..dry.len()].iter().map(|x| (x / length as f64 + 1e-5 * standard_normal(rng)) as f32).collect()
     }
 
     fn struck(modes: &[(f64, f64)]) -> Vec<f64> {

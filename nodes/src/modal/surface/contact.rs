@@ -3,10 +3,11 @@
 use super::mode_shapes::SurfaceView;
 use crate::contact::triangle::closest_point;
 use crate::contact::vector::{cross, norm, scale, sub};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// A point on the surface: a triangle, and the weights of its corners.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
     /// Vertices of the triangle.
     pub vertices: [u32; 3],

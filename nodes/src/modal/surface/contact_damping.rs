@@ -150,7 +150,7 @@ impl Node for ContactDamping {
 
     fn run(&mut self, mut io: ContactDampingIo<'_>) -> Result<(), Fault> {
         let ContactDampingIo { contacts, supports, .. } = &mut io;
-        contacts.each_in_order(Tick::MIN, Tick::MAX, |link, tick, frame| {
+        contacts.each_in_order(|link, tick, frame| {
             if let Some(support) = self.take(link, tick, frame) {
                 supports.push(tick, support);
             }

@@ -1,6 +1,7 @@
 //! Coupling of modes by supports: the damping matrix with all its entries.
 
 use super::contact::Contact;
+use super::damping_of_contacts::ContactLaw;
 use super::mode_shapes::SurfaceView;
 use crate::impl_state;
 
@@ -27,9 +28,11 @@ pub struct Coupling {
     change: Vec<f32>,
     /// True if any of it is not 0.
     active: bool,
+    /// True if it is out of date.
+    stale: bool,
     scratch: [Vec<f64>; 4],
 }
-impl_state!(Coupling { current, target, change, active });
+impl_state!(Coupling { current, target, change, active, stale });
 
 impl Coupling {
     /// No supports of modes with these gains, at most [`MAX_COUPLED`].
@@ -44,6 +47,7 @@ impl Coupling {
             current: zero.clone(),
             target: zero.clone(),
             active: false,
+            stale: false,
             scratch: [zero.clone(), zero.clone(), zero.clone(), zero],
         }
     }
@@ -53,11 +57,12 @@ impl Coupling {
         self.target.fill(0.0);
     }
 
-    /// Adds a support with a coefficient in N s/m, and `mu` along the surface relative to along the normal.
+    /// Adds a support.
     ///
     /// # Complexity
     /// O(modes^2).
-    pub fn add(&mut self, surface: SurfaceView<'_>, contact: &Contact, coefficient: f64, mu: f64) {
+    pub fn add(&mut self, surface: SurfaceView<'_>, contact: &Contact, law: ContactLaw) {
+        let ContactLaw { coefficient, mu } = law;
         let n = self.modes;
         let [shape, along, ..] = &mut self.scratch;
         let (shape, along) = (&mut shape[..n], &mut along[..n]);
@@ -81,7 +86,7 @@ impl Coupling {
     /// # Complexity
     /// O(modes^3) while it moves, O(modes^2) otherwise.
     pub fn advance(&mut self, share: f64, interval: f64) {
-        if self.current == self.target {
+        if !std::mem::take(&mut self.stale) && self.current == self.target {
             return;
         }
         for (now, target) in self.current.iter_mut().zip(&self.target) {
@@ -117,6 +122,14 @@ impl Coupling {
         }
     }
 
+    /// Takes over the matrix of another coupling of as many modes, whose gains may differ.
+    pub fn take_state(&mut self, old: &Self) {
+        if old.modes == self.modes {
+            self.current.copy_from_slice(&old.current);
+            self.stale = true;
+        }
+    }
+
     /// Changes of the velocities of all modes in one sample, row by row; none without supports.
     #[must_use]
     pub fn change(&self) -> Option<&[f32]> {
@@ -139,7 +152,6 @@ mod tests {
     use super::*;
     use crate::core::item::Data;
     use crate::core::random::Rng;
-    use crate::modal::surface::damping_of_contacts::ContactLaw;
     use crate::modal::surface::mode_shapes::ModeShapes;
 
     #[test]
@@ -152,7 +164,7 @@ mod tests {
                 Contact { vertices: [0, 1, 3], weights: [0.2, 0.3, 0.5], direction: [0.6, 0.0, 0.8] };
             let (coefficient, mu) = (rng.between(0.0, 200.0), rng.between(0.0, 1.0));
             let mut coupling = Coupling::new(&vec![1.0; n]);
-            coupling.add(shapes.surface(), &contact, coefficient, mu);
+            coupling.add(shapes.surface(), &contact, ContactLaw { coefficient, mu });
             let (mut scratch, mut rates) = (vec![0.0; 2 * n], vec![0.0; n]);
             ContactLaw { coefficient, mu }.add(shapes.surface(), &contact, &mut scratch, &mut rates);
             for (i, rate) in rates.iter().enumerate() {

@@ -11,7 +11,6 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Tick, ticks};
 use crate::io::text_output::TextOutput;
-use crate::modal::bank::modal_bank::misplaced;
 use crate::modal::mode::modes::Modes;
 use crate::plot::{Axis, Line, chart};
 use crate::{archive_state, params, ports};
@@ -141,7 +140,7 @@ impl Node for ModeDecayTimes {
     fn shape(p: &ModeDecayTimesParams, s: &mut Shape<'_, '_, ModeDecayTimesPorts>) -> Result<(), Reject> {
         check(p)?;
         let known = s.value(ModeDecayTimesPorts::modes).zip(s.value(ModeDecayTimesPorts::shapes));
-        if let Some(reject) = known.and_then(|(modes, shapes)| misplaced(&shapes, &modes)) {
+        if let Some(reject) = known.and_then(|(modes, shapes)| shapes.mismatch(&modes)) {
             s.wrong(reject);
         }
         Ok(())
@@ -150,7 +149,7 @@ impl Node for ModeDecayTimes {
     fn build(p: &ModeDecayTimesParams, cx: &Build<'_>) -> Result<Self, Fault> {
         check(p)?;
         let (modes, shapes) = (cx.value(ModeDecayTimesPorts::modes), cx.value(ModeDecayTimesPorts::shapes));
-        if let Some(reject) = misplaced(&shapes, &modes) {
+        if let Some(reject) = shapes.mismatch(&modes) {
             return Err(reject.into());
         }
         let mut times: Vec<(Tick, usize)> = p.times.iter().map(|t| ticks(*t)).zip(0..).collect();

@@ -1,10 +1,11 @@
 //! Shapes of the modes of an object on its surface.
 
 use super::contact::Contact;
+use crate::core::fault::Reject;
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
-use crate::modal::mode::modes::MAX_MODES;
+use crate::modal::mode::modes::{MAX_MODES, Modes};
 use serde::{Deserialize, Serialize};
 
 /// A surface with a displacement of each vertex in each mode, borrowed.
@@ -28,6 +29,16 @@ impl<'a> SurfaceView<'a> {
     pub fn shape(self, vertex: usize, axis: usize) -> &'a [f32] {
         let first = (3 * vertex + axis) * self.modes;
         self.shapes.get(first..first + self.modes).unwrap_or_default()
+    }
+
+    /// Displacement of a vertex along its outward normal, by mode, kg^(-1/2).
+    pub fn along_normal(self, vertex: usize) -> impl Iterator<Item = f64> + 'a {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.shape(vertex, axis));
+        let n = self.normals.get(vertex).copied().unwrap_or_default();
+        let along = move |((x, y), z): ((&f32, &f32), &f32)| {
+            n[0] * f64::from(*x) + n[1] * f64::from(*y) + n[2] * f64::from(*z)
+        };
+        x.iter().zip(y).zip(z).map(along)
     }
 
     /// Largest edge of the bounding box, m.
@@ -104,15 +115,22 @@ impl ModeShapes {
     #[must_use]
     pub fn reach(&self) -> Vec<f32> {
         let mut reach = vec![0.0_f32; self.len()];
-        for (vertex, normal) in self.normals.iter().enumerate() {
-            let [x, y, z] = [0, 1, 2].map(|axis| self.surface().shape(vertex, axis));
-            let n = normal.map(|n| n as f32);
-            for (((reach, x), y), z) in reach.iter_mut().zip(x).zip(y).zip(z) {
-                *reach = reach.max((n[0] * x + n[1] * y + n[2] * z).abs());
-            }
+        for vertex in 0..self.vertices.len() {
+            let along = self.surface().along_normal(vertex);
+            reach.iter_mut().zip(along).for_each(|(reach, x)| *reach = reach.max(x.abs() as f32));
         }
         reach.iter_mut().zip(&self.gains).for_each(|(reach, gain)| *reach *= gain.abs());
         reach
+    }
+
+    /// The error of shapes that are not those of some modes.
+    pub(in crate::modal) fn mismatch(&self, modes: &Modes) -> Option<Reject> {
+        if self.len() != modes.len() {
+            let message = format!("shapes of {} modes for {} modes", self.len(), modes.len());
+            let reject = Reject::new("F078", message).at("shapes");
+            return Some(reject.help("link both outputs of one ModelModes"));
+        }
+        self.validate().err().map(|e| Reject::new("F078", e).at("shapes"))
     }
 
     /// Checks lengths and ranges.

@@ -1,5 +1,6 @@
 //! Supports of an object: what it rests on or is gripped by, and the damping that they add to its modes.
 
+use super::contact::Contact;
 use super::coupling::Coupling;
 use super::damping_of_contacts::ContactLaw;
 use super::mode_shapes::ModeShapes;
@@ -26,6 +27,11 @@ pub struct Support {
 }
 
 impl Support {
+    /// Its damping.
+    fn law(&self) -> ContactLaw {
+        ContactLaw { coefficient: self.coefficient.into(), mu: self.mu.into() }
+    }
+
     /// Returns true if all numbers are finite, and all but the position are not negative.
     #[must_use]
     pub fn is_valid(&self) -> bool {
@@ -48,9 +54,6 @@ impl Event for Support {
     }
 }
 
-/// A support that is none.
-const NONE: Support = Support { id: 0, local: [0.0; 3], coefficient: 0.0, mu: 0.0, release: 0.0 };
-
 /// Maximum number of supports of one object at a time.
 const ROOM: usize = 64;
 
@@ -63,14 +66,11 @@ pub struct Supports {
     index: SurfaceIndex,
     /// Maximum distance from the surface, m.
     limit: f64,
-    /// Current supports, then unused ones: id and the decay rates of each.
-    all: Vec<(u64, Vec<f64>)>,
-    /// Latest change of each, for the coupling.
-    latest: Vec<Support>,
+    /// Current supports with their points on the surface.
+    all: Vec<(Support, Contact)>,
     /// The whole damping matrix, if modes are coupled.
     coupling: Option<Coupling>,
-    used: usize,
-    /// Decay rates now and at the end of the change, 1/s.
+    /// Decay rates now and at the end of the change, 1/s, if they are not.
     current: Vec<f32>,
     target: Vec<f64>,
     /// Time until the target is reached, s.
@@ -80,7 +80,7 @@ pub struct Supports {
     far: (u64, f64),
     left_out: u64,
 }
-impl_state!(Supports { all, latest, each coupling, used, current, target, remaining, far, left_out });
+impl_state!(Supports { all, each coupling, current, target, remaining, far, left_out });
 
 impl Supports {
     /// No supports; those farther from the surface than `max_off_surface` times the size of the object will not count.
@@ -91,10 +91,8 @@ impl Supports {
         Self {
             index,
             limit,
-            all: vec![(0, vec![0.0; modes]); ROOM],
-            latest: vec![NONE; ROOM],
+            all: Vec::with_capacity(ROOM),
             coupling: None,
-            used: 0,
             current: vec![0.0; modes],
             target: vec![0.0; modes],
             remaining: 0.0,
@@ -105,57 +103,6 @@ impl Supports {
         }
     }
 
-    /// Takes a change of a support.
-    ///
-    /// # Complexity
-    /// O(supports * modes).
-    pub fn take(&mut self, support: &Support) {
-        if !support.is_valid() {
-            return;
-        }
-        let known = self.all[..self.used].iter().position(|(id, _)| *id == support.id);
-        if support.coefficient == 0.0 {
-            let Some(k) = known else { return };
-            self.used -= 1;
-            self.all.swap(k, self.used);
-            self.latest.swap(k, self.used);
-        } else {
-            let k = known.unwrap_or(self.used);
-            let Some((id, rates)) = self.all.get_mut(k) else {
-                self.left_out += 1;
-                return;
-            };
-            *id = support.id;
-            rates.fill(0.0);
-            self.latest[k] = NONE;
-            let surface = self.shapes.surface();
-            match self.index.nearest(surface, support.local.map(f64::from)) {
-                Some((contact, distance)) if distance <= self.limit => {
-                    let law = ContactLaw { coefficient: support.coefficient.into(), mu: support.mu.into() };
-                    law.add(surface, &contact, &mut self.scratch, rates);
-                    self.latest[k] = *support;
-                }
-                Some((_, distance)) => self.far = (self.far.0 + 1, self.far.1.max(distance)),
-                None => {}
-            }
-            self.used = self.used.max(k + 1);
-        }
-        self.target.fill(0.0);
-        for (_, rates) in &self.all[..self.used] {
-            self.target.iter_mut().zip(rates).for_each(|(sum, rate)| *sum += rate);
-        }
-        if let Some(coupling) = &mut self.coupling {
-            coupling.clear();
-            for support in &self.latest[..self.used] {
-                let surface = self.shapes.surface();
-                if let Some((contact, _)) = self.index.nearest(surface, support.local.map(f64::from)) {
-                    coupling.add(surface, &contact, support.coefficient.into(), support.mu.into());
-                }
-            }
-        }
-        self.remaining = support.release.into();
-    }
-
     /// Couples the modes: the whole damping matrix counts, not only its diagonal.
     #[must_use]
     pub fn coupled(mut self) -> Self {
@@ -163,12 +110,61 @@ impl Supports {
         self
     }
 
-    /// Advances the coupling by `step` seconds, for samples of `interval` seconds; none if modes are not coupled.
-    pub fn advance_coupling(&mut self, step: f64, interval: f64) -> Option<&Coupling> {
-        let coupling = self.coupling.as_mut()?;
-        coupling.advance(if self.remaining > step { step / self.remaining } else { 1.0 }, interval);
+    /// Takes a change of a support.
+    ///
+    /// # Complexity
+    /// O(supports * modes), or with coupled modes O(supports * modes^2).
+    pub fn take(&mut self, support: &Support) {
+        if support.is_valid() {
+            self.place(support);
+            self.set_target();
+            self.remaining = support.release.into();
+        }
+    }
+
+    /// Adds, moves or removes a support.
+    fn place(&mut self, support: &Support) {
+        let known = self.all.iter().position(|(other, _)| other.id == support.id);
+        let known = known.map(|k| self.all.swap_remove(k));
+        if support.coefficient == 0.0 {
+            return;
+        }
+        match self.index.nearest(self.shapes.surface(), support.local.map(f64::from)) {
+            Some((_, distance)) if distance > self.limit => {
+                self.far = (self.far.0 + 1, self.far.1.max(distance));
+            }
+            Some(_) if self.all.len() == ROOM => self.left_out += u64::from(known.is_none()),
+            Some((contact, _)) => self.all.push((*support, contact)),
+            None => {}
+        }
+    }
+
+    fn set_target(&mut self) {
+        let surface = self.shapes.surface();
+        if let Some(coupling) = &mut self.coupling {
+            coupling.clear();
+            self.all.iter().for_each(|(support, contact)| coupling.add(surface, contact, support.law()));
+            return;
+        }
+        self.target.fill(0.0);
+        for (support, contact) in &self.all {
+            support.law().add(surface, contact, &mut self.scratch, &mut self.target);
+        }
+    }
+
+    /// The share of the remaining change that is made in the next `step` seconds.
+    fn share(&mut self, step: f64) -> f64 {
+        let share = if self.remaining > step { step / self.remaining } else { 1.0 };
         self.remaining = (self.remaining - step).max(0.0);
-        Some(coupling)
+        share
+    }
+
+    /// Advances the coupling by `step` seconds, for samples of `interval` seconds.
+    pub fn advance_coupling(&mut self, step: f64, interval: f64) {
+        let share = self.share(step);
+        if let Some(coupling) = &mut self.coupling {
+            coupling.advance(share, interval);
+        }
     }
 
     /// The coupling, if modes are coupled.
@@ -177,36 +173,33 @@ impl Supports {
         self.coupling.as_ref()
     }
 
-    /// Decay rates that are being approached, 1/s, `[modes]`.
+    /// Decay rates that are being approached, 1/s, `[modes]`, if modes are not coupled.
     #[must_use]
     pub fn target(&self) -> &[f64] {
         &self.target
     }
 
-    /// Decay rates `step` seconds later, 1/s, `[modes]`.
+    /// Decay rates `step` seconds later, 1/s, `[modes]`, if modes are not coupled.
     pub fn advance(&mut self, step: f64) -> &[f32] {
-        let share = if self.remaining > step { step / self.remaining } else { 1.0 };
+        let share = self.share(step);
         for (now, target) in self.current.iter_mut().zip(&self.target) {
             *now = if share < 1.0 { *now + (share as f32) * (*target as f32 - *now) } else { *target as f32 };
         }
-        self.remaining = (self.remaining - step).max(0.0);
         &self.current
     }
 
-    /// Takes over the supports of an object with as many modes.
+    /// Takes over the supports of an object with as many modes, moved to this surface.
     pub fn take_state(&mut self, old: &Self) {
-        (self.far, self.left_out) = (old.far, old.left_out);
         if old.shapes.len() == self.shapes.len() {
-            self.all.clone_from(&old.all);
-            self.latest.copy_from_slice(&old.latest);
-            if let (Some(new), Some(old)) = (&mut self.coupling, &old.coupling) {
-                new.clone_from(old);
-            }
-            self.used = old.used;
+            old.all.iter().for_each(|(support, _)| self.place(support));
+            self.set_target();
             self.current.copy_from_slice(&old.current);
-            self.target.copy_from_slice(&old.target);
+            if let (Some(new), Some(old)) = (&mut self.coupling, &old.coupling) {
+                new.take_state(old);
+            }
             self.remaining = old.remaining;
         }
+        (self.far, self.left_out) = (old.far, old.left_out);
     }
 
     /// What is wrong with the supports, for a summary.
@@ -267,6 +260,6 @@ mod tests {
         assert!(supports.advance(1.0).iter().all(|x| *x == 0.0));
         assert!(supports.warning().unwrap().contains("m from the surface"));
         (0..100).for_each(|id| supports.take(&support(id, 1.0)));
-        assert!(supports.used == ROOM && supports.left_out == 36, "{} {}", supports.used, supports.left_out);
+        assert!(supports.all.len() == ROOM && supports.left_out == 36, "{}", supports.left_out);
     }
 }

@@ -95,14 +95,9 @@ pub fn voices(
     radiation: bool,
 ) -> Vec<Voice> {
     let mut reach = vec![0.0_f64; model.len()];
-    for (vertex, normal) in model.normals.iter().enumerate() {
-        let [x, y, z] = [0, 1, 2].map(|axis| model.shape(vertex, axis));
-        for (mode, reach) in reach.iter_mut().enumerate() {
-            let along = normal[0] * f64::from(x[mode])
-                + normal[1] * f64::from(y[mode])
-                + normal[2] * f64::from(z[mode]);
-            *reach = reach.max(along.abs());
-        }
+    for vertex in 0..model.vertices.len() {
+        let along = model.surface().along_normal(vertex);
+        reach.iter_mut().zip(along).for_each(|(reach, x)| *reach = reach.max(x.abs()));
     }
     let voice = |(mode, reach): (usize, f64)| {
         let lambda = model.lambda[mode];
@@ -120,14 +115,10 @@ pub fn voices(
 fn loudest_vertex(model: &ModalModel, radiance: Radiance, distance: f64) -> u32 {
     let factors: Vec<f64> =
         (0..model.len()).map(|mode| radiance.per_velocity(model, mode, distance)).collect();
-    let energy = |vertex: usize, normal: &[f64; 3]| -> f64 {
-        let [x, y, z] = [0, 1, 2].map(|axis| model.shape(vertex, axis));
-        let along = |mode: usize| {
-            normal[0] * f64::from(x[mode]) + normal[1] * f64::from(y[mode]) + normal[2] * f64::from(z[mode])
-        };
-        factors.iter().enumerate().map(|(mode, factor)| (factor * along(mode)).powi(2)).sum()
+    let energy = |vertex: usize| -> f64 {
+        factors.iter().zip(model.surface().along_normal(vertex)).map(|(factor, x)| (factor * x).powi(2)).sum()
     };
-    let energies = model.normals.iter().enumerate().map(|(vertex, normal)| (vertex, energy(vertex, normal)));
+    let energies = (0..model.vertices.len()).map(|vertex| (vertex, energy(vertex)));
     energies.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(vertex, _)| vertex as u32)
 }
 
