@@ -8,6 +8,5 @@ pub mod held_out;
 pub mod held_out_knocks;
 pub mod interval_coverage;
 pub mod material_table;
-pub mod one_object;
 pub mod spurious_features;
 pub mod synthetic;
