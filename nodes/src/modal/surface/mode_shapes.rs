@@ -53,7 +53,7 @@ impl<'a> SurfaceView<'a> {
     }
 }
 
-/// The shapes of the modes of one object, in the order of its [`Modes`](crate::modal::Modes).
+/// The shapes of the modes of one object, in the order of its [`Modes`].
 ///
 /// An impulse `J` in N s at a point of the surface excites mode `i` by `gains[i] (phi_i . J)`, in full scale; the displacement `phi_i` there
 /// is interpolated between the corners of the triangle.
