@@ -30,7 +30,7 @@ fn modes(name: &str, mesh: &TetMesh, highest: f64) {
             let start = Instant::now();
             let matrix = space.assemble(&steel);
             let assembled = start.elapsed().as_secs_f64();
-            match eigenmodes(mesh, &space, &matrix, &request, &|| false) {
+            match eigenmodes(mesh, &space, &matrix, &request, &|_| false) {
                 Ok(modes) => println!(
                     "| {name} | {} | {} | {} of {} below {highest} Hz | {threads} | {assembled:.3} | {:.2} | {:.1e} |",
                     mesh.tets.len(),

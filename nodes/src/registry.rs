@@ -35,6 +35,7 @@ use crate::material::experiments::held_out_knocks::HeldOutKnocks;
 use crate::material::experiments::interval_coverage::IntervalCoverage;
 use crate::material::experiments::material_table::MaterialTable;
 use crate::material::experiments::spurious_features::SpuriousFeatures;
+use crate::material::experiments::support_law::SupportLaw;
 use crate::material::fitting::damping_fit::DampingFit;
 use crate::material::fitting::elastic_ratio::ElasticRatio;
 use crate::material::library::material_blend::MaterialBlend;
@@ -42,6 +43,7 @@ use crate::material::library::material_file::MaterialFile;
 use crate::material::library::material_out::MaterialOut;
 use crate::material::points::damping_points_file::DampingPointsFile;
 use crate::material::points::feature_gate::FeatureGate;
+use crate::material::statistics::listening_test::ListeningTest;
 use crate::material::statistics::rating_statistics::RatingStatistics;
 use crate::mesh::mesh_generator::MeshGenerator;
 use crate::mesh::mesh_sequence::MeshSequence;
@@ -327,12 +329,14 @@ impl Registry {
             .with_func::<FitConvergence>()
             .with_func::<HeldOutKnocks>()
             .with_func::<IntervalCoverage>()
+            .with::<ListeningTest>()
             .with_func::<MaterialFile>()
             .with::<MaterialBlend>()
             .with::<MaterialOut>()
             .with_func::<MaterialTable>()
             .with_func::<RatingStatistics>()
             .with_func::<SpuriousFeatures>()
+            .with_func::<SupportLaw>()
             .family("solid")
             .with_func::<AnalyticModes>()
             .with_func::<ModalAnalysis>()

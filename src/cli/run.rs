@@ -5,6 +5,7 @@ use super::args::RunArgs;
 use super::console;
 use super::progress::Watch;
 use crate::diag::{Diagnostic, Sources, render};
+use crate::graph::written;
 use crate::run::{DirOutputs, Report, Tap};
 use crate::session::{Prepared, Session};
 use foley_nodes::registry::Registry;
@@ -83,7 +84,8 @@ pub fn render_files(ready: &Prepared, args: &RunArgs) -> Result<Report, Vec<Diag
 /// # Errors
 /// When standard output is gone, or the report cannot be written.
 pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyhow::Result<()> {
-    if report.outputs.is_empty() && ready.taps.is_empty() {
+    let writes = ready.graph.nodes.iter().any(|n| written(&n.ty, &*n.params).next().is_some());
+    if report.outputs.is_empty() && ready.taps.is_empty() && !writes {
         console::tell("the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
     }
     if !args.quiet {

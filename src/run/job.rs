@@ -7,8 +7,8 @@ use crate::memo::Memo;
 use crate::plan::Plan;
 use foley_nodes::core::files::Files;
 use foley_nodes::core::time::{Tick, seconds};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// The progress of a run, readable from other threads.
 #[derive(Debug, Default)]
@@ -19,6 +19,23 @@ pub struct Progress {
     pub total: AtomicU64,
     /// Stops the run when it is set.
     pub stop: AtomicBool,
+    /// The node that computes a value, with the share that it reports as done.
+    pub value: Mutex<Option<(String, f64)>>,
+}
+
+impl Progress {
+    /// Notes the share of a value that is done; returns true if the run is to stop.
+    pub(super) fn watch(&self, node: &str, share: f64) -> bool {
+        *self.value.lock().unwrap_or_else(PoisonError::into_inner) = Some((node.to_owned(), share));
+        self.stop.load(Ordering::SeqCst)
+    }
+
+    /// The node that computes a value and has reported how much of it is done, in percent.
+    #[must_use]
+    pub fn value_text(&self) -> Option<String> {
+        let value = self.value.lock().unwrap_or_else(PoisonError::into_inner);
+        value.as_ref().map(|(node, share)| format!("{node}: {:.0} %", 100.0 * share.clamp(0.0, 1.0)))
+    }
 }
 
 /// A graph with everything to run it.

@@ -12,7 +12,7 @@ use foley_nodes::core::input::{Inputs, NoInputs};
 use foley_nodes::core::node::DynNode;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::random::Random;
-use foley_nodes::core::shape::{Build, LinkShape, NodeShape};
+use foley_nodes::core::shape::{Build, LinkShape, Monitor, NodeShape, unmonitored};
 use foley_nodes::core::stage::{InWire, OutWire, Stage, StageNode};
 use foley_nodes::core::time::Tick;
 use std::cell::RefCell;
@@ -33,6 +33,8 @@ pub struct BuildSite<'a> {
     pub inputs: &'a dyn Inputs,
     /// Seed of the graph.
     pub seed: u64,
+    /// Watches long computations.
+    pub monitor: &'a Monitor<'a>,
 }
 
 impl<'a> BuildSite<'a> {
@@ -41,7 +43,16 @@ impl<'a> BuildSite<'a> {
     pub fn of(job: &'a Job<'_>) -> Self {
         let (graph, shapes, window) = (job.graph, &job.plan.shapes, job.plan.window);
         let (files, outputs) = (job.files, job.outputs);
-        Self { graph, shapes, window, files, outputs, inputs: &NoInputs, seed: job.seed }
+        Self {
+            graph,
+            shapes,
+            window,
+            files,
+            outputs,
+            inputs: &NoInputs,
+            seed: job.seed,
+            monitor: &unmonitored,
+        }
     }
 
     /// The shapes of the links of a node, with the values that are known.
@@ -69,6 +80,7 @@ impl<'a> BuildSite<'a> {
             files: self.files,
             outputs: self.outputs,
             inputs: self.inputs,
+            monitor: self.monitor,
         }
     }
 

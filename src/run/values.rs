@@ -8,6 +8,7 @@ use crate::diag::Diagnostic;
 use crate::memo::{Hit, RunCache};
 use foley_nodes::core::stage::{Cx, InWire, OutWire};
 use std::cell::RefCell;
+use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -48,15 +49,18 @@ pub fn evaluate(
         }
         let outputs: Vec<OutWire> =
             node.ty.outputs.iter().map(|_| OutWire::Value(RefCell::default())).collect();
-        let site = BuildSite::of(job);
+        let monitor = |share: f64| job.progress.watch(&node.id, share);
+        let site = BuildSite { monitor: &monitor, ..BuildSite::of(job) };
         let links = site.links(n, values);
         let cx = site.build_cx(n, &links);
         let (start, notes) = (Instant::now(), report.notes.len());
         let result = eval(&*node.params, &cx, &Cx::for_values(&inputs, &outputs));
         let time = start.elapsed();
         let done = result.is_ok();
+        *job.progress.value.lock().unwrap_or_else(PoisonError::into_inner) = None;
         match result {
             Ok(summary) => report.add(n, time, 1, summary),
+            Err(_) if job.progress.stop.load(Ordering::SeqCst) => return Err(vec![stopped(None)]),
             Err(fault) => {
                 let location = job.graph.location(n, fault.field.as_deref());
                 errors.push(Diagnostic::of_fault(fault, location, &node.id));

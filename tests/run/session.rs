@@ -112,6 +112,31 @@ fn a_run_is_cancelled_from_another_thread() {
 }
 
 #[test]
+fn an_analysis_that_takes_long_reports_its_progress_and_is_cancelled() {
+    // Some hundreds of modes of a disc of a thousand elements: it would take minutes.
+    let text = r#"Graph(nodes: {
+    "mesh": RevolvedMesh(profile: [[0.0, 0.0], [0.3, 0.0]], thickness: [0.002], around: 60, along: 20),
+    "model": ModalAnalysis(mesh: "mesh", young: 200e9, poisson: 0.3, density: 7850, highest: 20000),
+    "steel": MaterialFile(path: "graphs/assets/materials/steel_wrench.material.ron"),
+    "modes": ModelModes(model: "model", material: "steel", points: [[0.1, 0.0, 0.0]]),
+    "force": Tone(frequency: 5.0, rate: 8000, duration: Some(0.1)),
+    "bank": ModalBank(forces: ["force"], modes: "modes.modes"),
+    "out": WavOut(audio: "bank", path: "disc.wav"),
+})"#;
+    let session = Session::from_text(text, ".");
+    let progress = Arc::clone(session.progress());
+    let run = std::thread::spawn(move || session.render_to_memory().map(drop));
+    while progress.value_text().is_none() && !run.is_finished() {
+        std::thread::yield_now();
+    }
+    let text = progress.value_text();
+    progress.stop.store(true, Ordering::SeqCst);
+    let errors = run.join().unwrap().unwrap_err();
+    assert!(text.is_some_and(|text| text.starts_with("model: ") && text.ends_with(" %")));
+    assert_eq!(errors.diagnostics[0].code, "F091", "{errors}");
+}
+
+#[test]
 fn a_host_plays_with_its_own_callback_and_loads_edits() {
     let text = WIND.replace("duration: Some(0.2), ", "");
     let mut session = Session::from_text(text, ".");

@@ -364,6 +364,19 @@ pub struct Build<'a> {
     pub outputs: &'a dyn Outputs,
     /// External inputs.
     pub inputs: &'a dyn Inputs,
+    /// Watches a long computation.
+    pub monitor: &'a Monitor<'a>,
+}
+
+/// Watches a long computation: it takes the share that is done, from 0 to 1, and returns true if the computation is to stop.
+///
+/// A value node that takes seconds calls it now and then; stopped, it returns [`Fault::stopped`](crate::core::fault::Fault::stopped).
+pub type Monitor<'a> = dyn Fn(f64) -> bool + Sync + 'a;
+
+/// The [`Monitor`] of a computation that nobody watches.
+#[must_use]
+pub fn unmonitored(_: f64) -> bool {
+    false
 }
 
 impl Build<'_> {

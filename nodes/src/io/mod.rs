@@ -22,6 +22,7 @@ pub use info::{AudioInfo, FileFormat, ReadLimits, SampleFormat};
 pub use reader::{AudioReader, probe, probe_with};
 pub(crate) use recordings::{MaxLength, RecordingParam, recording_warnings, trial_wav};
 pub use wav::{AudioWriter, Dither, WriteFormat, WriteSpec, WrittenInfo};
+pub(crate) use wav_out::wav_rate;
 
 /// Nodes of this family.
 pub mod nodes {

@@ -54,18 +54,26 @@ pub struct WavOutNode {
     channels: u16,
 }
 
-fn spec(p: &WavOutParams, audio: &Incoming<f32>, dither: Dither) -> Result<WriteSpec, Reject> {
-    let rate = u32::try_from(audio.rate.num()).ok().filter(|_| audio.rate.den() == 1);
-    let Some(rate) = rate else {
-        let message =
-            format!("a WAV file has an integer number of samples per second, `audio` has {}", audio.rate);
-        return Err(Reject::new("F045", message).at("audio").help("insert Resample before it"));
+/// The sample rate of a WAV file of an input.
+///
+/// # Errors
+/// A rate that is not an integer, or too high; the error names `field`.
+pub(crate) fn wav_rate(field: &'static str, rate: Rate) -> Result<u32, Reject> {
+    let wrong = |message: String| Reject::new("F045", message).at(field).help("insert Resample before it");
+    let Some(whole) = u32::try_from(rate.num()).ok().filter(|_| rate.den() == 1) else {
+        return Err(wrong(format!(
+            "a WAV file has an integer number of samples per second, `{field}` has {rate}"
+        )));
     };
-    let max_rate = ReadLimits::default().max_rate;
-    if rate > max_rate {
-        let message = format!("a WAV file of {rate} samples per second is above the maximum of {max_rate}");
-        return Err(Reject::new("F045", message).at("audio").help("insert Resample before it"));
+    let max = ReadLimits::default().max_rate;
+    if whole > max {
+        return Err(wrong(format!("a WAV file of {whole} samples per second is above the maximum of {max}")));
     }
+    Ok(whole)
+}
+
+fn spec(p: &WavOutParams, audio: &Incoming<f32>, dither: Dither) -> Result<WriteSpec, Reject> {
+    let rate = wav_rate("audio", audio.rate)?;
     let spec = WriteSpec::new(rate, audio.format.0.into(), p.format);
     let dither = if p.dither && p.format != WriteFormat::Float32 { dither } else { Dither::None };
     Ok(WriteSpec { dither, ..spec })

@@ -304,6 +304,7 @@ mod tests {
                 files: &files(),
                 outputs: &MemoryOutputs::default(),
                 inputs: &opened,
+                monitor: &crate::core::shape::unmonitored,
             },
         );
         assert!(node.unwrap().frames.is_none());

@@ -9,6 +9,7 @@ use crate::run::{self, BuildSite, DirOutputs, Job, Progress, Values};
 use foley_nodes::core::files::{FileError, Outputs, WriteSeek};
 use foley_nodes::core::input::Inputs;
 use foley_nodes::core::node::{DynNode, Retune};
+use foley_nodes::core::shape::unmonitored;
 use foley_nodes::core::time::Tick;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -64,6 +65,7 @@ impl PreparedGraph {
             outputs: &NoOutputs,
             inputs: &*self.source.inputs,
             seed: self.source.seed,
+            monitor: &unmonitored,
         }
     }
 }

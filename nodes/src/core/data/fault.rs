@@ -72,6 +72,12 @@ impl Fault {
         Self { code, message: message.into(), field: None, help: None, time: None }
     }
 
+    /// The fault of a computation that was stopped on demand.
+    #[must_use]
+    pub fn stopped() -> Self {
+        Self::new("F091", "stopped before the end")
+    }
+
     /// Names the parameter or input that it is about.
     #[must_use]
     pub fn at(mut self, field: impl Into<String>) -> Self {

@@ -8,7 +8,10 @@ use crate::core::node::{Func, Summary};
 use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
-use crate::core::shape::{Build, Shape};
+use crate::core::shape::{Build, Monitor, Shape};
+use crate::dsp::db_to_linear;
+use crate::material::statistics::quantile;
+use crate::material::statistics::ranks::{holm, signed_rank};
 use crate::plot::{Chart, Line};
 use crate::table::{Cell, ResultTable};
 use crate::{params, ports};
@@ -19,10 +22,15 @@ params! {
     ///
     /// For each of some random materials, sounds of bars, plates and shells on random supports make a collection; each subset of a few
     /// of them is fitted by each estimator. Table and charts have the median and the mean relative error of `a1` and `a2` over materials
-    /// and subsets, for dampings without errors, with relative errors, and with spurious features besides. The sounds are features, not
-    /// audio: errors of their extraction are those of `noise` alone.
+    /// and subsets, for dampings without errors, with relative errors, and with spurious features besides. The sounds are features, whose
+    /// errors are those of `noise` alone; or audio with white noise, whose features are extracted, once without and once with spurious
+    /// features besides.
     ///
-    /// The defaults are a short run. That of the paper's size is 5 materials, 18 objects, 100 sounds an object and 30 subsets.
+    /// `significance` compares the estimators in pairs: the mean error of each for each material and object, on subsets of `paired` sounds of
+    /// that object alone, by Wilcoxon's signed-rank test, adjusted by Holm's method for all tests of one noise.
+    ///
+    /// The defaults are a short run. That of the paper's size is 5 materials, 18 objects, 100 sounds an object and 30 subsets. Audio takes
+    /// some tenths of a second for each sound.
     ///
     /// # Randomness
     /// Materials, objects, supports, impacts, errors and subsets are a function of the seed.
@@ -51,6 +59,12 @@ params! {
         spurious_noise: f64 = 0.03, unit "", range 0.0..=1.0;
         /// Largest subset that the hierarchical estimator fits; 0 for none. It takes seconds for 100 sounds.
         hierarchical: usize = 10, unit "sounds", range 0..=10_000;
+        /// True to extract the features from audio; `noise` has no effect then.
+        audio: bool = false;
+        /// RMS of the white noise of the audio, relative to the peak of each sound.
+        audio_noise: f64 = -60.0, unit "dB", range -200.0..=0.0;
+        /// Number of sounds of one object that a fit of `significance` has; 0 for no tests.
+        paired: usize = 0, unit "", range 0..=10_000;
     }
 }
 ports! {
@@ -59,11 +73,13 @@ ports! {
         out {
             /// Errors by noise, number of sounds and estimator.
             table: Value<ResultTable>,
+            /// A row for each noise, parameter and two estimators: which of them has the smaller errors, and how likely that is by chance.
+            significance: Value<ResultTable>,
         }
     }
 }
 
-/// The node over [`errors`].
+/// The node over [`Experiment`].
 #[derive(Debug)]
 pub struct DampingExperiment;
 
@@ -88,47 +104,199 @@ impl ErrorsAt {
     }
 }
 
-/// Runs the experiment: errors for each noise and number of sounds.
-///
-/// # Complexity
-/// `materials subsets` fits of each estimator for each noise and number of sounds, in parallel; a function of the seed for any number of
-/// threads.
-#[must_use]
-pub fn errors(p: &DampingExperimentParams, seed: u64) -> Vec<ErrorsAt> {
-    let size = CollectionSize { objects: p.objects, supports: p.supports, sounds: p.sounds };
-    let stream = |a: usize, b: usize, c: usize| {
-        let key = (a as u64) << 40 | (b as u64) << 20 | c as u64;
-        Rng::new(seed ^ (key + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
-    };
-    let collections: Vec<Collection> =
-        (0..p.materials).map(|m| Collection::new(&mut stream(1, m, 0), &size)).collect();
-    let mut settings: Vec<[f64; 2]> = p.noise.iter().map(|r| [*r, 0.0]).collect();
-    if p.spurious > 0.0 {
-        settings.push([p.spurious_noise, p.spurious]);
-    }
-    let mut out = Vec::new();
-    for (s, [noise, spurious]) in settings.into_iter().enumerate() {
-        let noisy: Vec<Collection> = (collections.iter().enumerate())
-            .map(|(m, c)| c.with_errors(&mut stream(2, m, s), noise, spurious))
-            .collect();
-        for count in &p.counts {
-            let fits = |k: usize| {
-                let (material, subset) = (&noisy[k % p.materials], k / p.materials);
-                let points = material.draw(&mut stream(3 + count, k % p.materials, subset), *count);
-                Compared::ALL.map(|estimator| {
-                    let done = estimator != Compared::Hierarchical || *count <= p.hierarchical;
-                    let found = if done { estimator.estimate(&points) } else { None };
-                    found.map(|found| relative_errors(found, material.truth))
+/// The sounds of an experiment, as features.
+#[derive(Debug)]
+pub struct Experiment<'a> {
+    params: &'a DampingExperimentParams,
+    seed: u64,
+    /// Relative standard deviation of the dampings and share of spurious features, with the sounds of each material.
+    settings: Vec<([f64; 2], Vec<Collection>)>,
+}
+
+impl<'a> Experiment<'a> {
+    /// Makes the sounds; a function of the seed for any number of threads. `monitor` watches the analysis of audio.
+    ///
+    /// # Complexity
+    /// An extraction for each sound, if they are audio.
+    #[must_use]
+    pub fn new(params: &'a DampingExperimentParams, seed: u64, monitor: &Monitor<'_>) -> Self {
+        let p = params;
+        let size = CollectionSize { objects: p.objects, supports: p.supports, sounds: p.sounds };
+        let mut experiment = Self { params, seed, settings: Vec::new() };
+        let collection = |m: usize| {
+            let mut rng = experiment.stream(1, m, 0);
+            if p.audio {
+                Collection::of_audio(&mut rng, &size, db_to_linear(p.audio_noise), &|done| {
+                    monitor((m as f64 + done) / p.materials as f64)
                 })
+            } else {
+                Collection::new(&mut rng, &size)
+            }
+        };
+        let collections: Vec<Collection> = (0..p.materials).map(collection).collect();
+        let noise: &[f64] = if p.audio { &[0.0] } else { &p.noise };
+        let mut settings: Vec<[f64; 2]> = noise.iter().map(|r| [*r, 0.0]).collect();
+        if p.spurious > 0.0 {
+            settings.push([if p.audio { 0.0 } else { p.spurious_noise }, p.spurious]);
+        }
+        let noisy = |(s, [noise, spurious]): (usize, [f64; 2])| {
+            let each = collections.iter().enumerate();
+            let each = each.map(|(m, c)| c.with_errors(&mut experiment.stream(2, m, s), noise, spurious));
+            ([noise, spurious], each.collect())
+        };
+        experiment.settings = settings.into_iter().enumerate().map(noisy).collect();
+        experiment
+    }
+
+    fn stream(&self, a: usize, b: usize, c: usize) -> Rng {
+        let key = (a as u64) << 40 | (b as u64) << 20 | c as u64;
+        Rng::new(self.seed ^ (key + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+    }
+
+    /// The relative errors of each estimator on `count` sounds out of a collection.
+    fn fits(&self, sounds: &Collection, rng: &mut Rng, count: usize) -> [Option<[f64; 2]>; 6] {
+        let points = sounds.draw(rng, count);
+        Compared::ALL.map(|estimator| {
+            let done = estimator != Compared::Hierarchical || count <= self.params.hierarchical;
+            let found = if done { estimator.estimate(&points) } else { None };
+            found.map(|found| relative_errors(found, sounds.truth))
+        })
+    }
+
+    /// Errors for each noise and number of sounds.
+    ///
+    /// # Complexity
+    /// `materials subsets` fits of each estimator for each noise and number of sounds, in parallel.
+    #[must_use]
+    pub fn errors(&self) -> Vec<ErrorsAt> {
+        let p = self.params;
+        let at = |&([noise, spurious], ref sounds): &([f64; 2], Vec<Collection>), count: usize| {
+            let fits = |k: usize| {
+                let (m, subset) = (k % p.materials, k / p.materials);
+                self.fits(&sounds[m], &mut self.stream(3 + count, m, subset), count)
             };
             let all: Vec<[Option<[f64; 2]>; 6]> =
                 (0..p.materials * p.subsets).into_par_iter().map(fits).collect();
             let errors = Compared::ALL.into_iter().enumerate();
             let errors = errors.map(|(e, estimator)| (estimator, all.iter().filter_map(|x| x[e]).collect()));
-            out.push(ErrorsAt { noise, spurious, count: *count, errors: errors.collect() });
-        }
+            ErrorsAt { noise, spurious, count, errors: errors.collect() }
+        };
+        self.settings
+            .iter()
+            .flat_map(|setting| p.counts.iter().map(move |count| at(setting, *count)))
+            .collect()
     }
-    out
+
+    /// Compares the estimators in pairs over materials and objects, for each noise; empty if `paired` is 0.
+    ///
+    /// # Complexity
+    /// `materials objects subsets` fits of each estimator for each noise, in parallel.
+    #[must_use]
+    pub fn significance(&self) -> Vec<Significance> {
+        if self.params.paired == 0 {
+            return Vec::new();
+        }
+        self.settings.iter().flat_map(|(setting, sounds)| self.tests(*setting, sounds)).collect()
+    }
+
+    fn tests(&self, [noise, spurious]: [f64; 2], sounds: &[Collection]) -> Vec<Significance> {
+        let p = self.params;
+        let pair = |k: usize| {
+            let (m, object) = (k / p.objects, k % p.objects);
+            let own = sounds[m].of_object(object, p.sounds);
+            let fits: Vec<[Option<[f64; 2]>; 6]> = (0..p.subsets)
+                .map(|subset| self.fits(&own, &mut self.stream((1 << 15) + object, m, subset), p.paired))
+                .collect();
+            std::array::from_fn(|e| {
+                let errors: Vec<[f64; 2]> = fits.iter().filter_map(|x| x[e]).collect();
+                Some(median_and_mean(&errors)?.map(|[_, mean]| mean))
+            })
+        };
+        let pairs: Vec<[Option<[f64; 2]>; 6]> =
+            (0..p.materials * p.objects).into_par_iter().map(pair).collect();
+        let mut out = Vec::new();
+        for (parameter, a, b) in (0..2).flat_map(|j| {
+            (0..Compared::ALL.len()).flat_map(move |a| (a + 1..Compared::ALL.len()).map(move |b| (j, a, b)))
+        }) {
+            let difference = |x: &[Option<[f64; 2]>; 6]| Some(x[a]?[parameter] - x[b]?[parameter]);
+            let mut differences: Vec<f64> = pairs.iter().filter_map(difference).collect();
+            let Some(probability) = signed_rank(&differences) else { continue };
+            differences.sort_by(f64::total_cmp);
+            let median_difference = quantile(&differences, 0.5);
+            let (a, b) = (Compared::ALL[a], Compared::ALL[b]);
+            let [better, worse] = if median_difference <= 0.0 { [a, b] } else { [b, a] };
+            let pairs = differences.len();
+            let median_difference = median_difference.abs();
+            out.push(Significance {
+                noise,
+                spurious,
+                parameter,
+                better,
+                worse,
+                pairs,
+                median_difference,
+                probability,
+                adjusted: 1.0,
+            });
+        }
+        let adjusted = holm(&out.iter().map(|s| s.probability).collect::<Vec<_>>());
+        out.iter_mut().zip(adjusted).for_each(|(s, p)| s.adjusted = p);
+        out
+    }
+}
+
+/// A comparison of two estimators over materials and objects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Significance {
+    /// Relative standard deviation of the dampings.
+    pub noise: f64,
+    /// Share of spurious features.
+    pub spurious: f64,
+    /// Parameter: 0 for `a1`, 1 for `a2`.
+    pub parameter: usize,
+    /// The estimator whose error is smaller in the median of the differences.
+    pub better: Compared,
+    /// The other one.
+    pub worse: Compared,
+    /// Number of materials and objects that both could fit.
+    pub pairs: usize,
+    /// Median difference of their mean relative errors.
+    pub median_difference: f64,
+    /// Two-sided probability of Wilcoxon's signed-rank test.
+    pub probability: f64,
+    /// The same, adjusted for all tests of one noise by Holm's method.
+    pub adjusted: f64,
+}
+
+/// Probability below which a difference is significant.
+const SIGNIFICANT: f64 = 0.05;
+
+fn significance_table(all: &[Significance]) -> ResultTable {
+    let mut table = ResultTable::new(&[
+        "noise",
+        "spurious",
+        "parameter",
+        "better",
+        "worse",
+        "pairs",
+        "median_difference",
+        "p",
+        "p_holm",
+    ]);
+    for s in all {
+        table.push([
+            Cell::from(s.noise),
+            s.spurious.into(),
+            ["a1", "a2"][s.parameter].into(),
+            s.better.name().into(),
+            s.worse.name().into(),
+            s.pairs.into(),
+            s.median_difference.into(),
+            s.probability.into(),
+            s.adjusted.into(),
+        ]);
+    }
+    table
 }
 
 fn name_of(noise: f64, spurious: f64) -> String {
@@ -198,7 +366,11 @@ impl Func for DampingExperiment {
             let message = format!("a subset of {count} sounds out of {sounds}");
             s.wrong(Reject::new("F136", message).at("counts").help("more `sounds` or `objects`"));
         }
-        if p.noise.is_empty() && p.spurious == 0.0 {
+        if p.paired > p.sounds {
+            let message = format!("a subset of {} sounds out of the {} of an object", p.paired, p.sounds);
+            s.wrong(Reject::new("F136", message).at("paired").help("more `sounds`"));
+        }
+        if !p.audio && p.noise.is_empty() && p.spurious == 0.0 {
             s.wrong(
                 Reject::new("F136", "there is nothing to run").at("noise").help("a list such as [0, 0.03]"),
             );
@@ -211,7 +383,11 @@ impl Func for DampingExperiment {
         cx: &Build<'_>,
         mut io: DampingExperimentIo<'_>,
     ) -> Result<Summary, Fault> {
-        let all = errors(p, u64::from(cx.random.words(0, 0, 0)[0]));
+        let experiment = Experiment::new(p, u64::from(cx.random.words(0, 0, 0)[0]), cx.monitor);
+        if (cx.monitor)(1.0) {
+            return Err(Fault::stopped());
+        }
+        let (all, tests) = (experiment.errors(), experiment.significance());
         let both = |at: &ErrorsAt| Some((at.of(Compared::Mixture)?, at.of(Compared::Paper)?));
         let compared: Vec<_> = all.iter().filter_map(both).collect();
         let no_worse = |j: usize| {
@@ -221,12 +397,15 @@ impl Func for DampingExperiment {
         let ratios = |j: usize| compared.iter().map(move |(ours, paper)| ours[j][0] / paper[j][0].max(1e-12));
         let largest = [ratios(0), ratios(1)].map(|r| r.fold(0.0, f64::max));
         io.table.set(table(&all));
+        io.significance.set(significance_table(&tests));
+        let significant = tests.iter().filter(|t| t.adjusted < SIGNIFICANT).count();
         Ok(vec![
             ("sounds_of_a_material", (p.objects * p.sounds).into()),
             ("mixture_no_worse_than_paper_in_a1", no_worse(0).into()),
             ("mixture_no_worse_than_paper_in_a2", no_worse(1).into()),
             ("largest_ratio_of_a1_errors_mixture_to_paper", largest[0].into()),
             ("largest_ratio_of_a2_errors_mixture_to_paper", largest[1].into()),
+            ("significant_differences", format!("{significant} of {}", tests.len()).into()),
         ])
     }
 
@@ -240,6 +419,8 @@ impl Func for DampingExperiment {
             subsets: 1,
             noise: vec![rng.between(0.01, 0.1)],
             hierarchical: 0,
+            audio: false,
+            paired: rng.below(3),
             ..DampingExperimentParams::trial(rng)
         };
         (p, MemoryFiles::default())
@@ -249,6 +430,7 @@ impl Func for DampingExperiment {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::shape::unmonitored;
 
     fn params() -> DampingExperimentParams {
         DampingExperimentParams::read(&|_| None).unwrap()
@@ -274,7 +456,7 @@ mod tests {
     #[test]
     fn estimators_are_ordered_as_in_the_specification() {
         let p = DampingExperimentParams { counts: vec![2, 50], subsets: 3, hierarchical: 0, ..params() };
-        check_orderings(&errors(&p, 1));
+        check_orderings(&Experiment::new(&p, 1, &unmonitored).errors());
     }
 
     #[test]
@@ -285,12 +467,39 @@ mod tests {
             sounds: 10,
             counts: vec![3],
             noise: vec![0.03],
+            paired: 3,
             ..params()
+        };
+        let errors = |p: &DampingExperimentParams, seed| {
+            let experiment = Experiment::new(p, seed, &unmonitored);
+            (experiment.errors(), experiment.significance())
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let (a, b) = (errors(&p, 5), pool.install(|| errors(&p, 5)));
         assert!(a == b && a != errors(&p, 6));
-        let table = table(&a);
+        let table = table(&a.0);
         assert_eq!((table.rows.len(), table.charts.len()), (12, 4), "{}", table.csv());
+        // Two noises, two parameters, and 15 pairs of six estimators.
+        assert_eq!(a.1.len(), 60);
+    }
+
+    #[test]
+    fn maximum_likelihood_and_lower_bound_are_better_than_least_squares() {
+        let p = DampingExperimentParams {
+            counts: Vec::new(),
+            noise: vec![0.0],
+            spurious: 0.0,
+            subsets: 1,
+            hierarchical: 0,
+            paired: 10,
+            ..params()
+        };
+        let tests = Experiment::new(&p, 1, &unmonitored).significance();
+        for estimator in [Compared::Paper, Compared::Mixture, Compared::LowerBound] {
+            let test = tests
+                .iter()
+                .find(|t| t.parameter == 0 && (t.better, t.worse) == (estimator, Compared::LeastSquares));
+            assert!(test.is_some_and(|t| t.adjusted < 0.001 && t.pairs == 90), "{estimator:?} {test:?}");
+        }
     }
 }

@@ -9,4 +9,5 @@ pub mod held_out_knocks;
 pub mod interval_coverage;
 pub mod material_table;
 pub mod spurious_features;
+pub mod support_law;
 pub mod synthetic;

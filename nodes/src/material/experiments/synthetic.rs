@@ -1,9 +1,15 @@
-//! Features of synthetic sounds of known damping, without their audio.
+//! Features of synthetic sounds of known damping, with or without their audio.
 
 use crate::core::random::Rng;
+use crate::core::shape::Monitor;
 use crate::material::estimation::point::DampingPoint;
+use crate::material::points::gate::Gate;
 use crate::material::statistics::normal::standard_normal;
+use crate::modal::extraction::poles::resynthesis;
+use crate::modal::{ExtractParams, Feature, FeatureSet, extract};
+use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 /// Range of the fundamental frequencies of objects, Hz.
 const FUNDAMENTAL: [f64; 2] = [150.0, 1500.0];
@@ -23,6 +29,11 @@ const IMPACT: f64 = 3e-4;
 const QUIETEST: f64 = -50.0;
 /// Largest damping of a feature, 1/s: twice the `d_max` of the gate.
 const FASTEST: f64 = 1000.0;
+/// Sample rate of synthetic audio, Hz.
+const RATE: f64 = 44_100.0;
+/// Duration of a synthetic sound after its onset, s, and of the noise before it.
+const DURATION: f64 = 2.0;
+const BEFORE: f64 = 0.05;
 /// Range of the dampings of spurious features, 1/s.
 pub const SPURIOUS: [f64; 2] = [0.5, 500.0];
 
@@ -104,6 +115,87 @@ fn impact_spectrum(frequency: f64) -> f64 {
     if rest.abs() < 1e-6 { PI / 4.0 } else { (libm::cos(0.5 * PI * x) / rest).abs() }
 }
 
+/// A mode of an object that was struck.
+struct StruckMode {
+    /// Its number.
+    index: usize,
+    /// Natural frequency, Hz.
+    frequency: f64,
+    /// Damping with that of the support, 1/s.
+    c: f64,
+    /// Displacement at the point of the impact, normal with a standard deviation of 1.
+    displacement: f64,
+}
+
+/// An impact on an object of known damping.
+struct Strike {
+    object: usize,
+    modes: Vec<StruckMode>,
+}
+
+impl Strike {
+    /// The modes that are found without errors.
+    fn points(&self, recording: u32) -> Vec<DampingPoint> {
+        let level = |m: &StruckMode| (m.displacement * impact_spectrum(m.frequency)).abs();
+        let loudest = self.modes.iter().map(level).fold(0.0, f64::max);
+        let quietest = loudest * libm::pow(10.0, QUIETEST / 20.0);
+        let point = |m: &StruckMode| {
+            let lambda = (TAU * m.frequency).powi(2);
+            let found = level(m) >= quietest && m.c <= FASTEST && m.c < 1.999 * lambda.sqrt();
+            let mode_cluster = (self.object * MAX_MODES + m.index) as u32;
+            found.then_some(DampingPoint { recording, mode_cluster, ..DampingPoint::new(lambda, m.c) })
+        };
+        self.modes.iter().filter_map(point).collect()
+    }
+
+    /// The sound: noise, then the velocity of the modes under a half sine of 0.3 ms.
+    ///
+    /// `noise` is its RMS relative to the peak of the sound.
+    fn audio(&self, rng: &mut Rng, noise: f64) -> Vec<f32> {
+        let modes: Vec<Feature> = (self.modes.iter())
+            .filter_map(|m| {
+                let (omega, decay) = (TAU * m.frequency, 0.5 * m.c);
+                let freq_hz = (omega * omega - decay * decay).sqrt() / TAU;
+                let (amp, phase) = (m.displacement.abs(), if m.displacement < 0.0 { PI } else { 0.0 });
+                freq_hz.is_finite().then_some(Feature { freq_hz, amp, decay, phase, ..Feature::default() })
+            })
+            .collect();
+        let sound = resynthesis(&modes, RATE, (DURATION * RATE) as usize, |f| f.decay);
+        let length = (IMPACT * RATE) as usize;
+        let force: Vec<f64> = (1..length).map(|k| libm::sin(PI * k as f64 / length as f64)).collect();
+        let struck: Vec<f64> = (0..sound.len())
+            .map(|n| force.iter().take(n + 1).enumerate().map(|(k, f)| f * sound[n - k]).sum())
+            .collect();
+        let peak = struck.iter().fold(0.0, |peak: f64, x| peak.max(x.abs())).max(f64::MIN_POSITIVE);
+        let before = std::iter::repeat_n(0.0, (BEFORE * RATE) as usize);
+        before.chain(struck).map(|x| (0.5 * (x / peak + noise * standard_normal(rng))) as f32).collect()
+    }
+}
+
+/// Impacts on random objects of one random material, and its `a1` and `a2`.
+fn strikes(rng: &mut Rng, size: &CollectionSize) -> ([f64; 2], Vec<Strike>) {
+    let truth = MATERIALS.map(|range| log_uniform(rng, range));
+    let mut all = Vec::new();
+    for object in 0..size.objects {
+        let modes = frequencies(rng, object);
+        let supports: Vec<Vec<f64>> = (0..size.supports.max(1))
+            .map(|_| {
+                let mean = log_uniform(rng, SUPPORT);
+                modes.iter().map(|_| mean * support_damping(rng)).collect()
+            })
+            .collect();
+        for _ in 0..size.sounds {
+            let support = &supports[rng.below(supports.len())];
+            let mode = |(index, frequency): (usize, &f64)| {
+                let c = truth[0] + truth[1] * (TAU * frequency).powi(2) + support[index];
+                StruckMode { index, frequency: *frequency, c, displacement: standard_normal(rng) }
+            };
+            all.push(Strike { object, modes: modes.iter().enumerate().map(mode).collect() });
+        }
+    }
+    (truth, all)
+}
+
 impl Collection {
     /// The sounds of one random material.
     ///
@@ -115,33 +207,50 @@ impl Collection {
     /// Sterling et al. (IEEE TVCG 25(5), 2019), section 5.3, with modes from formulas in place of finite elements.
     #[must_use]
     pub fn new(rng: &mut Rng, size: &CollectionSize) -> Self {
-        let truth = MATERIALS.map(|range| log_uniform(rng, range));
-        let mut sounds = Vec::new();
-        for object in 0..size.objects {
-            let modes = frequencies(rng, object);
-            let supports: Vec<Vec<f64>> = (0..size.supports.max(1))
-                .map(|_| {
-                    let mean = log_uniform(rng, SUPPORT);
-                    modes.iter().map(|_| mean * support_damping(rng)).collect()
-                })
-                .collect();
-            for _ in 0..size.sounds {
-                let support = &supports[rng.below(supports.len())];
-                let level: Vec<f64> =
-                    modes.iter().map(|f| (standard_normal(rng) * impact_spectrum(*f)).abs()).collect();
-                let quietest = level.iter().copied().fold(0.0, f64::max) * libm::pow(10.0, QUIETEST / 20.0);
-                let recording = sounds.len() as u32;
-                let feature = |(k, f): (usize, &f64)| {
-                    let lambda = (TAU * f).powi(2);
-                    let c = truth[0] + truth[1] * lambda + support[k];
-                    let found = level[k] >= quietest && c <= FASTEST && c < 1.999 * lambda.sqrt();
-                    let mode_cluster = (object * MAX_MODES + k) as u32;
-                    found.then_some(DampingPoint { recording, mode_cluster, ..DampingPoint::new(lambda, c) })
-                };
-                sounds.push(modes.iter().enumerate().filter_map(feature).collect());
-            }
+        let (truth, strikes) = strikes(rng, size);
+        Self { truth, sounds: (0..).zip(&strikes).map(|(k, s)| s.points(k)).collect() }
+    }
+
+    /// The same sounds as audio of 2 s at 44.1 kHz, with white noise of an RMS `noise` relative to the peak; their features are those
+    /// that [`extract`] finds and the default [`Gate`] lets pass. A sound of which nothing is found has none, and so have those after
+    /// `monitor` has stopped it.
+    ///
+    /// # Complexity
+    /// An extraction, of some tenths of a second, for each sound, in parallel; a function of `rng` for any number of threads.
+    #[must_use]
+    pub fn of_audio(rng: &mut Rng, size: &CollectionSize, noise: f64, monitor: &Monitor<'_>) -> Self {
+        let (truth, strikes) = strikes(rng, size);
+        let seed = rng.below(1 << 30) as u64;
+        let (done, all) = (AtomicUsize::new(0), strikes.len());
+        let sets: Vec<FeatureSet> = (0..)
+            .zip(&strikes)
+            .collect::<Vec<(u64, &Strike)>>()
+            .into_par_iter()
+            .map(|(k, strike)| {
+                let mut own = Rng::new((seed << 30).wrapping_add(k));
+                let stopped = monitor(done.fetch_add(1, Relaxed) as f64 / all as f64);
+                let audio = if stopped { Vec::new() } else { strike.audio(&mut own, noise) };
+                let found = extract(&audio, RATE, &ExtractParams::default());
+                FeatureSet {
+                    recording: k.to_string(),
+                    object: strike.object.to_string(),
+                    support: String::new(),
+                    features: found.map_or_else(|_| Vec::new(), |found| found.features),
+                }
+            })
+            .collect();
+        let mut sounds = vec![Vec::new(); sets.len()];
+        for point in Gate::default().points(&sets).points {
+            sounds[point.recording as usize].push(point);
         }
         Self { truth, sounds }
+    }
+
+    /// The sounds of one object; `each` is the number of sounds of each object.
+    #[must_use]
+    pub fn of_object(&self, object: usize, each: usize) -> Self {
+        let sounds = self.sounds.iter().skip(object * each).take(each).cloned().collect();
+        Self { truth: self.truth, sounds }
     }
 
     /// The same with errors: dampings times `1 + noise N(0, 1)`, with their standard deviation, and a share of spurious features, whose
@@ -150,11 +259,13 @@ impl Collection {
     pub fn with_errors(&self, rng: &mut Rng, noise: f64, spurious: f64) -> Self {
         let mut out = self.clone();
         for p in out.sounds.iter_mut().flatten() {
+            // Points of audio have errors of their own.
+            let uncertainty = if noise > 0.0 { noise } else { p.sd_c / p.c };
             p.c *= (1.0 + noise * standard_normal(rng)).max(0.01);
-            p.sd_c = noise * p.c;
+            p.sd_c = uncertainty * p.c;
             if rng.uniform() < spurious {
                 p.c = spurious_damping(rng);
-                p.sd_c = noise * p.c;
+                p.sd_c = uncertainty * p.c;
             }
             p.c = p.c.max(SPURIOUS[0]);
         }
@@ -182,6 +293,7 @@ impl Collection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::shape::unmonitored;
 
     #[test]
     fn sounds_lie_above_the_curve_of_their_material() {
@@ -194,6 +306,26 @@ mod tests {
         assert!((5.0..60.0).contains(&mean), "{mean}");
         let noisy = all.with_errors(&mut Rng::new(4), 0.1, 0.2);
         assert!(noisy.sounds.iter().flatten().any(|p| p.c < curve(p.lambda)));
+    }
+
+    #[test]
+    fn audio_has_the_features_of_its_modes() {
+        let size = CollectionSize { objects: 3, supports: 2, sounds: 2 };
+        let exact = Collection::new(&mut Rng::new(11), &size);
+        let found = Collection::of_audio(&mut Rng::new(11), &size, 1e-3, &unmonitored);
+        assert!(found.truth == exact.truth && found.sounds.len() == 6);
+        let (mut near, mut all) = (0, 0);
+        for (sound, modes) in found.sounds.iter().zip(&exact.sounds) {
+            for p in sound {
+                let mode = modes.iter().min_by(|a, b| {
+                    (a.lambda / p.lambda).ln().abs().total_cmp(&(b.lambda / p.lambda).ln().abs())
+                });
+                all += 1;
+                near += usize::from(mode.is_some_and(|m| (m.c / p.c - 1.0).abs() < 0.1));
+            }
+        }
+        assert!(all > 60 && near * 10 > all * 9, "{near} of {all}");
+        assert!(found == Collection::of_audio(&mut Rng::new(11), &size, 1e-3, &unmonitored));
     }
 
     #[test]

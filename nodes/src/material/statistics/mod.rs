@@ -1,5 +1,6 @@
 //! Distributions and tests.
 
+pub mod listening_test;
 pub mod normal;
 pub mod ranks;
 pub mod rating_statistics;

@@ -51,7 +51,8 @@ pub fn test_ratings(sets: &[RatedSet]) -> RatingReport {
     }
 }
 
-/// Reads ratings from a CSV: `set` (a name), `pair` (`same` or `different`) and `rating` (1 to 11), in any order, with other columns between.
+/// Reads ratings from a CSV: `set` (a name), `pair` (`same` or `different`) and `rating` (1 to 11), in any order, with other columns
+/// between; a row that repeats the header has no effect.
 ///
 /// # Errors
 /// A message with the line, what was found, and what would be right.
@@ -77,6 +78,10 @@ pub fn read_ratings(bytes: &[u8]) -> Result<Vec<RatedSet>, String> {
     let mut out: Vec<RatedSet> = Vec::new();
     for (k, record) in reader.records().enumerate() {
         let record = record.map_err(|e| e.to_string())?;
+        // Files of several subjects, joined, repeat the header.
+        if record.iter().eq(header.iter().map(String::as_str)) {
+            continue;
+        }
         let line = record.position().map_or(0, csv::Position::line);
         let text = |k: usize| record.get(k).unwrap_or_default();
         let wrong = |column: &str, found: &str, needed: &str| {

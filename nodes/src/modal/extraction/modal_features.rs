@@ -324,7 +324,10 @@ impl Func for ModalFeatures {
         let mut found = Found::default();
         let room = p.room(cx)?;
         let sources = cx.prepared::<Vec<Source>>().unwrap_or_default();
-        for source in sources.iter() {
+        for (k, source) in sources.iter().enumerate() {
+            if (cx.monitor)(k as f64 / sources.len() as f64) {
+                return Err(Fault::stopped());
+            }
             found.add(p, cx, source, &room)?;
         }
         let unusable = found.check_unusable(p.unusable)?;

@@ -3,6 +3,7 @@
 use super::mode_shapes::SurfaceView;
 use crate::contact::triangle::closest_point;
 use crate::contact::vector::{cross, norm, scale, sub};
+use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -109,6 +110,38 @@ pub fn contacts(
         contact.direction = direction.map(|x| x / long);
     }
     Ok(all)
+}
+
+/// Points uniform over the area of the surface, each along the inward normal of its triangle.
+///
+/// # Complexity
+/// O(triangles), and O(log triangles) for each point.
+#[must_use]
+pub fn random_contacts(surface: SurfaceView<'_>, count: usize, rng: &mut Rng) -> Vec<Contact> {
+    let mut total = 0.0;
+    let mut until = Vec::with_capacity(surface.triangles.len());
+    for triangle in surface.triangles {
+        let [a, b, c] = triangle.map(|i| surface.vertices[i as usize]);
+        total += 0.5 * norm(cross(sub(b, a), sub(c, a)));
+        until.push(total);
+    }
+    if total <= 0.0 {
+        return Vec::new();
+    }
+    (0..count)
+        .map(|_| {
+            let at = rng.uniform() * total;
+            let triangle = until.partition_point(|end| *end <= at).min(until.len() - 1);
+            // Uniform in the triangle: the square root of one coordinate.
+            let (r, t) = (rng.uniform().sqrt(), rng.uniform());
+            let weights = [1.0 - r, r * (1.0 - t), r * t];
+            let contact = Contact { vertices: surface.triangles[triangle], weights, direction: [0.0; 3] };
+            let inwards = contact.inwards(surface);
+            let length = norm(inwards);
+            let direction = if length > 0.0 { inwards.map(|x| x / length) } else { [0.0, 0.0, 1.0] };
+            Contact { direction, ..contact }
+        })
+        .collect()
 }
 
 impl Contact {

@@ -7,6 +7,7 @@ use super::dense;
 use super::factor::Symbolic;
 use super::lanczos::{BLOCK, Basis, Ritz};
 use super::rigid::rigid_motions;
+use crate::core::shape::Monitor;
 use faer::{Mat, MatRef};
 use std::f64::consts::TAU;
 use thiserror::Error;
@@ -117,7 +118,7 @@ pub enum EigenError {
     Cancelled,
 }
 
-/// The modes of a mesh that are not motions of rigid bodies, below a frequency; `cancelled` is polled between steps.
+/// The modes of a mesh that are not motions of rigid bodies, below a frequency; `monitor` is called between steps.
 ///
 /// # Errors
 /// Memory above the limit before it is taken, modes that do not converge, and a number of modes that differs from the count.
@@ -129,7 +130,7 @@ pub fn eigenmodes(
     space: &Discretisation,
     matrix: &BlockMatrix,
     request: &Request,
-    cancelled: &dyn Fn() -> bool,
+    monitor: &Monitor<'_>,
 ) -> Result<Eigenmodes, EigenError> {
     let rigid = rigid_motions(mesh, space, matrix)?;
     let rigid_residual = rigid_residual(matrix, &rigid);
@@ -140,7 +141,7 @@ pub fn eigenmodes(
     let mut modes = if matrix.size() <= DENSE {
         small(matrix, &rigid, limit, request)?
     } else {
-        Solver { matrix, rigid: &rigid, limit, request, cancelled }.run()?
+        Solver { matrix, rigid: &rigid, limit, request, monitor }.run()?
     };
     modes.rigid_residual = rigid_residual;
     if modes.lambda.is_empty() {
@@ -224,13 +225,17 @@ fn fix_signs(shapes: &mut Mat<f64>) {
     }
 }
 
+/// Shares of the computation that are done when the first factor is computed, and when all modes have converged.
+const FACTORED: f64 = 0.2;
+const ITERATED: f64 = 0.9;
+
 struct Solver<'a> {
     matrix: &'a BlockMatrix,
     rigid: &'a Mat<f64>,
     /// Modes below it are wanted, rad^2/s^2.
     limit: f64,
     request: &'a Request,
-    cancelled: &'a dyn Fn() -> bool,
+    monitor: &'a Monitor<'a>,
 }
 
 impl Solver<'_> {
@@ -239,7 +244,7 @@ impl Solver<'_> {
         let own = self.matrix.bytes();
         let symbolic = Symbolic::new(self.matrix).ok_or_else(|| self.too_large(u64::MAX))?;
         self.allow(own + symbolic.bytes())?;
-        let counted = self.count(&symbolic, self.limit)?;
+        let counted = self.count(&symbolic, self.limit, 0.0)?;
         if counted == 0 {
             return Err(EigenError::None { highest: self.request.highest });
         }
@@ -259,7 +264,7 @@ impl Solver<'_> {
         }
         let basis_bytes = 8 * (size * (capacity + wanted + 8 * BLOCK) + 4 * capacity * capacity);
         self.allow(own + symbolic.bytes() + basis_bytes as u64)?;
-        self.go_on()?;
+        self.go_on(FACTORED / 2.0)?;
         let shift = -(TAU * self.request.shift).powi(2);
         let factor = symbolic.cholesky(self.matrix, shift).ok_or(EigenError::Indefinite)?;
         let mut basis = Basis::new(self.matrix, self.rigid, &factor, capacity);
@@ -283,14 +288,14 @@ impl Solver<'_> {
         if bytes > self.request.memory { Err(self.too_large(bytes)) } else { Ok(()) }
     }
 
-    fn go_on(&self) -> Result<(), EigenError> {
-        if (self.cancelled)() { Err(EigenError::Cancelled) } else { Ok(()) }
+    fn go_on(&self, done: f64) -> Result<(), EigenError> {
+        if (self.monitor)(done) { Err(EigenError::Cancelled) } else { Ok(()) }
     }
 
     /// Number of elastic modes below an eigenvalue; moves it a little if a pivot is too small.
-    fn count(&self, symbolic: &Symbolic, lambda: f64) -> Result<usize, EigenError> {
+    fn count(&self, symbolic: &Symbolic, lambda: f64, done: f64) -> Result<usize, EigenError> {
         for attempt in 0..4 {
-            self.go_on()?;
+            self.go_on(done)?;
             let shifted = lambda * (1.0 - 1e-8 * f64::from(attempt));
             if let Some(count) = symbolic.count_below(self.matrix, shifted) {
                 return Ok(count.saturating_sub(self.rigid.ncols()));
@@ -305,7 +310,7 @@ impl Solver<'_> {
         let limit = MAX_GROWTH * (wanted + 12 * BLOCK);
         let (mut found, mut worst) = (0, f64::INFINITY);
         while iterations < limit {
-            self.go_on()?;
+            self.go_on(FACTORED + (ITERATED - FACTORED) * found as f64 / wanted as f64)?;
             basis.step();
             iterations += BLOCK;
             if !basis.is_full() && basis.len() < next {
@@ -364,7 +369,7 @@ impl Solver<'_> {
         } else if keep == 0 {
             0
         } else {
-            self.count(symbolic, 0.5 * (above(keep) + modes.lambda[keep - 1]))?
+            self.count(symbolic, 0.5 * (above(keep) + modes.lambda[keep - 1]), ITERATED)?
         };
         if certain != keep {
             return Err(EigenError::MissedModes { found: keep, counted: certain });

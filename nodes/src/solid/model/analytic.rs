@@ -69,7 +69,7 @@ impl AnalyticMode {
 pub fn frequencies(mesh: &TetMesh, highest: f64) -> Result<Vec<f64>, EigenError> {
     let space = Discretisation::new(mesh, Order::Quadratic);
     let request = Request { highest, ..Request::default() };
-    let modes = eigenmodes(mesh, &space, &space.assemble(&STEEL), &request, &|| false)?;
+    let modes = eigenmodes(mesh, &space, &space.assemble(&STEEL), &request, &|_| false)?;
     Ok(modes.lambda.iter().map(|lambda| lambda.max(0.0).sqrt() / TAU).collect())
 }
 

@@ -100,6 +100,9 @@ fn constants(p: &ModalAnalysisParams, material: Option<&Material>) -> Result<Iso
 }
 
 fn fault(e: &EigenError) -> Fault {
+    if *e == EigenError::Cancelled {
+        return Fault::stopped();
+    }
     let (code, field) = match e {
         EigenError::Mesh(_) | EigenError::Rigid { .. } => ("F070", "mesh"),
         EigenError::Memory { .. } => ("F063", "memory"),
@@ -126,7 +129,7 @@ impl Func for ModalAnalysis {
         Ok(())
     }
 
-    fn eval(p: &ModalAnalysisParams, _: &Build<'_>, mut io: ModalAnalysisIo<'_>) -> Result<Summary, Fault> {
+    fn eval(p: &ModalAnalysisParams, cx: &Build<'_>, mut io: ModalAnalysisIo<'_>) -> Result<Summary, Fault> {
         let constants = constants(p, io.material)?;
         let TetMesh { nodes, tets } = io.mesh;
         let mesh = TetMesh::new(nodes.clone(), tets.clone()).map_err(|e| fault(&e.into()))?;
@@ -138,7 +141,7 @@ impl Func for ModalAnalysis {
         let memory = (p.memory * f64::from(1 << 30)) as u64;
         let request = Request { highest: p.highest, max_modes: p.modes, memory, ..Request::default() };
         let model =
-            ModalModel::analyse(&mesh, &constants, p.order, &request, &|| false).map_err(|e| fault(&e))?;
+            ModalModel::analyse(&mesh, &constants, p.order, &request, cx.monitor).map_err(|e| fault(&e))?;
         let mut summary = model.summary();
         if (model.len() as u64) < model.counted {
             let text =

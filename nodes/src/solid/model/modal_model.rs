@@ -9,6 +9,7 @@ use crate::contact::vector::sub;
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
+use crate::core::shape::Monitor;
 use crate::modal::surface::mode_shapes::SurfaceView;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -71,7 +72,7 @@ pub struct ModalModel {
 }
 
 impl ModalModel {
-    /// Computes the modes of a mesh; `cancelled` is polled between steps.
+    /// Computes the modes of a mesh; `monitor` is called between steps.
     ///
     /// # Errors
     /// As [`eigenmodes`].
@@ -82,7 +83,7 @@ impl ModalModel {
     /// let steel = Isotropic { young: 200e9, poisson: 0.3, density: 7850.0 };
     /// let bar = block([0.2, 0.02, 0.02], [10, 1, 1]);
     /// let request = Request { highest: 5000.0, ..Request::default() };
-    /// let model = ModalModel::analyse(&bar, &steel, Order::Quadratic, &request, &|| false)?;
+    /// let model = ModalModel::analyse(&bar, &steel, Order::Quadratic, &request, &|_| false)?;
     /// // Two bending modes of 2.5 kHz, as the bar is square.
     /// assert!(model.frequencies().iter().all(|f| (f / 2510.0 - 1.0).abs() < 0.02));
     /// # Ok::<(), foley_nodes::solid::EigenError>(())
@@ -92,12 +93,12 @@ impl ModalModel {
         material: &Isotropic,
         order: Order,
         request: &Request,
-        cancelled: &dyn Fn() -> bool,
+        monitor: &Monitor<'_>,
     ) -> Result<Self, EigenError> {
         let surface = Surface::new(mesh)?;
         let space = Discretisation::new(mesh, order);
         let matrix = space.assemble(material);
-        let modes = eigenmodes(mesh, &space, &matrix, request, cancelled)?;
+        let modes = eigenmodes(mesh, &space, &matrix, request, monitor)?;
         let flows = surface.flows(&space, &modes.shapes);
         let each = |part: fn(&Flow) -> f64| flows.iter().map(part).collect();
         let (centre, inertia) = moments(mesh, material.density);

@@ -17,7 +17,7 @@ const DAMPING: DampingModel = DampingModel::Rayleigh { a1: 3.0, a2: 1e-8 };
 
 fn model(mesh: &TetMesh, material: &Isotropic, highest: f64) -> ModalModel {
     let request = Request { highest, ..Request::default() };
-    ModalModel::analyse(mesh, material, Order::Quadratic, &request, &|| false).unwrap()
+    ModalModel::analyse(mesh, material, Order::Quadratic, &request, &|_| false).unwrap()
 }
 
 fn bar() -> ModalModel {

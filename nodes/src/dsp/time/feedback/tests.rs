@@ -66,6 +66,7 @@ fn echoes(window: i64) -> Vec<f32> {
                 files,
                 outputs,
                 inputs: &crate::core::input::NoInputs,
+                monitor: &crate::core::shape::unmonitored,
             },
         )
         .unwrap()

@@ -17,7 +17,7 @@ pub(super) fn solve(
 ) -> Result<Eigenmodes, EigenError> {
     let space = Discretisation::new(mesh, order);
     let matrix = space.assemble(material);
-    eigenmodes(mesh, &space, &matrix, request, &|| false)
+    eigenmodes(mesh, &space, &matrix, request, &|_| false)
 }
 
 pub(super) fn frequencies(modes: &Eigenmodes) -> Vec<f64> {
@@ -41,7 +41,7 @@ fn modes_are_those_of_dense_matrices() {
         let (values, _) = dense::all_modes(&matrix).unwrap();
         let limit = (TAU * highest).powi(2);
         let expected: Vec<f64> = values[6..].iter().copied().filter(|x| *x < limit).collect();
-        let modes = eigenmodes(&mesh, &space, &matrix, &below(highest), &|| false).unwrap();
+        let modes = eigenmodes(&mesh, &space, &matrix, &below(highest), &|_| false).unwrap();
         assert!(modes.iterations > 0 && modes.lambda.len() > 6);
         assert_eq!((modes.lambda.len(), modes.counted), (expected.len(), expected.len()));
         for (a, b) in modes.lambda.iter().zip(&expected) {
@@ -103,7 +103,7 @@ fn errors_say_what_would_be_right() {
     assert_eq!(e, EigenError::None { highest: 100.0 });
     let space = Discretisation::new(&mesh, Order::Quadratic);
     let matrix = space.assemble(&STEEL);
-    let e = eigenmodes(&mesh, &space, &matrix, &below(15e3), &|| true).unwrap_err();
+    let e = eigenmodes(&mesh, &space, &matrix, &below(15e3), &|_| true).unwrap_err();
     assert_eq!(e, EigenError::Cancelled);
 }
 
