@@ -8,8 +8,10 @@ use super::point::{DampingPoint, Sample, recordings};
 use crate::core::random::Rng;
 use crate::material::statistics::normal::normal_quantile;
 use crate::material::statistics::quantile;
+use crate::material::statistics::special::t_95;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Fall of twice the log-likelihood at the ends of a 95 % interval.
 const CHI_SQUARE_95: f64 = 3.841_458_820_694_124;
@@ -210,6 +212,8 @@ pub struct Replicates {
     pub parameters: Vec<Vec<f64>>,
     /// Number that did not.
     pub failed: usize,
+    /// Number of recordings or points that were resampled; `None` for simulated data.
+    pub groups: Option<usize>,
     /// Method of the intervals from them.
     pub method: IntervalMethod,
 }
@@ -239,7 +243,7 @@ pub fn bootstrap(
         let weight = sample.weight.iter().zip(&group).map(|(w, g)| w * count[*g]).collect();
         refit(&Sample { weight, ..sample.clone() })
     };
-    collect(draws, IntervalMethod::Bootstrap, draw)
+    Replicates { groups: Some(groups), ..collect(draws, IntervalMethod::Bootstrap, draw) }
 }
 
 /// Simulates `draws` data sets of the fitted model at the same frequencies, and refits each.
@@ -261,7 +265,7 @@ fn collect(
 ) -> Replicates {
     let all: Vec<Option<Vec<f64>>> = (0..draws).into_par_iter().map(draw).collect();
     let failed = all.iter().filter(|x| x.is_none()).count();
-    Replicates { parameters: all.into_iter().flatten().collect(), failed, method }
+    Replicates { parameters: all.into_iter().flatten().collect(), failed, groups: None, method }
 }
 
 /// A data set of the fitted model at the same frequencies.
@@ -293,14 +297,32 @@ pub fn simulate(fit: &Fit, seed: u64, k: usize) -> Sample {
 }
 
 impl Replicates {
+    /// Half the width of a 95 % interval, in standard deviations of the replicates.
+    fn half_width(&self) -> f64 {
+        self.groups.filter(|n| *n > 1).map_or(NORMAL_95, |n| {
+            let n = n as f64;
+            (n / (n - 1.0)).sqrt() * t_95(n - 1.0)
+        })
+    }
+
     /// The interval of a figure of each replicate, whose value for the estimate itself is `best`: the percentiles, reflected around it,
     /// because the estimate lies above a steep edge of the data and its error is skewed. A figure of at least 0 has an interval above 0.
+    ///
+    /// Resampling `n` groups underestimates their variance by `1 - 1/n`, and does not know that it is estimated: the percentiles are those of
+    /// `sqrt(n / (n - 1)) t` standard deviations, with Student's t of `n - 1` degrees of freedom.
+    ///
+    /// # Source
+    /// Hesterberg, "What teachers should know about the bootstrap" (The American Statistician 69(4), 2015), section 5, for the percentiles.
     #[must_use]
     pub fn interval(&self, best: f64, figure: impl Fn(&[f64]) -> f64) -> [f64; 2] {
         let mut values: Vec<f64> =
             self.parameters.iter().map(|p| figure(p)).filter(|x| x.is_finite()).collect();
         values.sort_by(f64::total_cmp);
-        let [low, high] = [0.025, 0.975].map(|share| quantile(&values, share));
+        let tail = 0.5 * libm::erfc(self.half_width() * FRAC_1_SQRT_2);
+        // Of n draws, a share k / (n + 1) of the distribution lies below draw k from 1 on.
+        let n = values.len() as f64;
+        let [low, high] =
+            [tail, 1.0 - tail].map(|share| quantile(&values, (share * (n + 1.0) - 1.0) / (n - 1.0).max(1.0)));
         let reflected = 2.0 * best - high;
         [if best >= 0.0 { reflected.max(0.0) } else { reflected }, 2.0 * best - low]
     }

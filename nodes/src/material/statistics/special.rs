@@ -42,6 +42,18 @@ pub fn t_two_sided(t: f64, freedom: f64) -> f64 {
     incomplete_beta(0.5 * freedom, 0.5, freedom / (freedom + t * t))
 }
 
+/// The value that the magnitude of Student's t of `freedom` degrees exceeds with a probability of 5 %.
+#[must_use]
+pub fn t_95(freedom: f64) -> f64 {
+    // 12.7 for one degree of freedom.
+    let (mut low, mut high) = (0.0, 13.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if t_two_sided(middle, freedom) > 0.05 { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
 /// Probability that a variance ratio of `between` and `within` degrees of freedom exceeds `f`.
 #[must_use]
 pub fn f_above(f: f64, between: f64, within: f64) -> f64 {
@@ -76,6 +88,8 @@ mod tests {
         for (found, exact) in [
             (incomplete_beta(2.5, 0.7, 0.3), 0.029814024845250465),
             (t_two_sided(2.1, 7.4), 0.0717349547947788),
+            (t_95(24.0), 2.0638985616280205),
+            (t_95(1.0), 12.706204736432095),
             (f_above(3.3, 2.0, 27.0), 0.052219242955748243),
             (chi_square_above(3.841_458_820_694_124), 0.05),
             (digamma(0.44), -2.2938699430608036),

@@ -9,6 +9,7 @@ mod fuzz;
 pub mod gltf;
 mod obj;
 mod obj_sequence;
+mod ply;
 mod point_cache;
 #[cfg(not(feature = "gltf"))]
 pub mod without_gltf;

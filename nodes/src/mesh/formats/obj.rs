@@ -1,9 +1,10 @@
-//! Wavefront OBJ: polygons over vertices, as text.
+//! Wavefront OBJ: polygons over vertices, as text. PLY files become the same.
 
 use super::clip::to_metres;
+use super::ply;
 use super::{Materials, MeshClip, MeshError, MeshLimits, ReadOptions, Topology, Triangulator};
 
-/// The polygons of one OBJ file, or of one of its objects or groups.
+/// The polygons of one OBJ or PLY file, or of one object or group of an OBJ file.
 ///
 /// # Shapes
 /// `positions` has one entry per `v` line that belongs to the mesh, in file units. Face `k` has the corners
@@ -24,6 +25,8 @@ impl ObjMesh {
     /// With a name, only the vertices that its faces use remain, in the order of the file. Texture coordinates, normals,
     /// lines and points are skipped. Only the names of materials are read. Free-form surfaces are an error.
     ///
+    /// A file that begins with `ply` is read as PLY, as text or binary; its objects have no names.
+    ///
     /// # Errors
     /// [`MeshError::Line`] names the line and its error; [`MeshError::NoSuchMesh`] lists the existing names.
     ///
@@ -40,8 +43,14 @@ impl ObjMesh {
     /// ```
     pub fn parse(bytes: &[u8], name: Option<&str>, limits: &MeshLimits) -> Result<Self, MeshError> {
         limits.bytes(bytes.len() as u64)?;
+        if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
+            if let Some(wanted) = name {
+                return Err(MeshError::NoSuchMesh { wanted: wanted.to_owned(), available: Vec::new() });
+            }
+            return ply::parse(bytes, limits)?.checked();
+        }
         let mut parser = Parser {
-            mesh: Self { starts: vec![0], ..Self::default() },
+            mesh: Self::empty(),
             wanted: name,
             names: Vec::new(),
             selected: name.is_none(),
@@ -71,6 +80,30 @@ impl ObjMesh {
             parser.line(&joined, first)?;
         }
         parser.finish()
+    }
+
+    /// A mesh without vertices.
+    pub(super) fn empty() -> Self {
+        Self { starts: vec![0], ..Self::default() }
+    }
+
+    /// Adds a polygon of a material.
+    pub(super) fn push_face(&mut self, corners: &[u32], material: &str) {
+        self.corners.extend(corners);
+        self.starts.push(self.corners.len());
+        self.materials.push(material);
+    }
+
+    /// The mesh, if all vertices that its faces name exist.
+    fn checked(self) -> Result<Self, MeshError> {
+        let vertices = self.positions.len();
+        for face in 0..self.face_count() {
+            // Vertices may follow the faces that use them.
+            if let Some(&c) = self.face(face).iter().find(|&&c| c as usize >= vertices) {
+                return Err(MeshError::FaceIndex { face, vertex: i64::from(c), vertices });
+            }
+        }
+        Ok(self)
     }
 
     /// Number of polygons.
@@ -253,14 +286,9 @@ impl Parser<'_> {
     }
 
     fn finish(self) -> Result<ObjMesh, MeshError> {
-        let Self { mut mesh, wanted, names, .. } = self;
+        let Self { mesh, wanted, names, .. } = self;
+        let mut mesh = mesh.checked()?;
         let vertices = mesh.positions.len();
-        for face in 0..mesh.face_count() {
-            // Vertices may follow the faces that use them.
-            if let Some(&c) = mesh.face(face).iter().find(|&&c| c as usize >= vertices) {
-                return Err(MeshError::FaceIndex { face, vertex: i64::from(c), vertices });
-            }
-        }
         if let Some(wanted) = wanted {
             if mesh.face_count() == 0 {
                 return Err(MeshError::NoSuchMesh { wanted: wanted.to_owned(), available: names });

@@ -1,4 +1,4 @@
-//! Closed surfaces of triangles, from OBJ and STL.
+//! Closed surfaces of triangles, from OBJ, STL and PLY.
 
 use crate::contact::vector::{cross, dot, norm, sub};
 use crate::mesh::{MeshLimits, ObjMesh, ReadOptions};
@@ -62,10 +62,10 @@ pub enum SurfaceError {
 }
 
 impl ClosedSurface {
-    /// Reads OBJ or STL, recognised by the content.
+    /// Reads OBJ, STL or PLY, recognised by the content.
     ///
     /// # Errors
-    /// A file that is neither or is damaged, and as [`new`](Self::new).
+    /// A file that is none of them or is damaged, and as [`new`](Self::new).
     pub fn read(bytes: &[u8], scale: f64) -> Result<Self, SurfaceError> {
         let (positions, triangles) = match stl(bytes)? {
             Some(found) => found,

@@ -15,7 +15,7 @@ use crate::{params, ports};
 params! {
     /// Fills a closed surface with tetrahedra: cubes of a grid, of six tetrahedra each.
     ///
-    /// The surface is OBJ or STL, and has to be closed. A cube is filled if its centre lies inside, and the result is scaled to
+    /// The surface is OBJ, STL or PLY, and has to be closed. A cube is filled if its centre lies inside, and the result is scaled to
     /// the volume of the surface. This serves thick objects; a wall needs `min_cells_wall` cells, so bowls and cups need a
     /// mesh by a mesher, by `TetMeshFile`. Coordinates times `scale` are metres.
     pub struct SurfaceToTetsParams {
