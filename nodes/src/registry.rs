@@ -37,6 +37,7 @@ use crate::material::experiments::material_table::MaterialTable;
 use crate::material::experiments::spurious_features::SpuriousFeatures;
 use crate::material::experiments::support_law::SupportLaw;
 use crate::material::fitting::damping_fit::DampingFit;
+use crate::material::fitting::damping_from_stream::DampingFromStream;
 use crate::material::fitting::elastic_ratio::ElasticRatio;
 use crate::material::library::material_blend::MaterialBlend;
 use crate::material::library::material_file::MaterialFile;
@@ -322,6 +323,7 @@ impl Registry {
             .family("material")
             .with_func::<DampingExperiment>()
             .with_func::<DampingFit>()
+            .with::<DampingFromStream>()
             .with_func::<DampingPointsFile>()
             .with_func::<ElasticRatio>()
             .with_func::<FeatureGate>()
