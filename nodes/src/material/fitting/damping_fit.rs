@@ -240,6 +240,7 @@ impl Func for DampingFit {
     type Params = DampingFitParams;
     type Ports = DampingFitPorts;
     const NAME: &'static str = "DampingFit";
+    const VERSION: u32 = 2;
 
     fn check(p: &DampingFitParams, s: &mut Shape<'_, '_, DampingFitPorts>) -> Result<(), Reject> {
         s.check(family(p));

@@ -317,9 +317,9 @@ impl Node for DampingFromStream {
         let (first, width) = (io.audio.first(), io.audio.width().max(1));
         let mut now = first;
         for frame in io.audio.items().chunks_exact(width) {
-            let x = frame.iter().sum::<f32>() / width as f32;
+            let x = frame.iter().map(|x| f64::from(*x)).sum::<f64>() / width as f64;
             now += 1;
-            self.sample(if x.is_finite() { x } else { 0.0 }, now);
+            self.sample(x as f32, now);
         }
         self.send()?;
         while self.pending.front().is_some_and(|p| p.due < now) {

@@ -139,8 +139,8 @@ impl Stimulus {
         let peak = self.samples.iter().fold(0.0, |peak: f64, &x| peak.max(f64::from(x).abs()));
         let silent = found <= 0.0;
         if !silent {
-            let gain = (db_to_linear(level) / found).min(HIGHEST_PEAK / peak) as f32;
-            self.samples.iter_mut().for_each(|x| *x *= gain);
+            let gain = (db_to_linear(level) / found).min(HIGHEST_PEAK / peak);
+            self.samples.iter_mut().for_each(|x| *x = (f64::from(*x) * gain) as f32);
         }
         let fault = |e: &dyn std::fmt::Display| {
             Fault::new("F080", format!("cannot write {:?}: {e}", self.file)).at("form")
@@ -235,7 +235,8 @@ impl Node for ListeningTest {
             let width = input.width().max(1);
             let left = longest - sound.len();
             let frames = input.items().chunks_exact(width).take(left);
-            sound.extend(frames.map(|frame| frame.iter().sum::<f32>() / width as f32));
+            let mean = |frame: &[f32]| frame.iter().map(|x| f64::from(*x)).sum::<f64>() / width as f64;
+            sound.extend(frames.map(|frame| mean(frame) as f32));
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use super::cull::{Culling, DropCounts, Voice, cull};
 use super::modal_model::ModalModel;
-use super::radiance::{Radiance, radiation_damping};
+use super::radiance::{Listener, Radiance, radiation_damping};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -42,6 +42,8 @@ params! {
         radiance: Radiance = Radiance::Sphere;
         /// Distance of the listener.
         distance: f64 = 1.0, unit "m", range 0.1..=1000.0;
+        /// Position of the listener in the coordinates of the mesh; None for `distance` along z from the centre of mass.
+        listener: Option<[f64; 3]> = None, unit "m", range -1_000_000.0..=1_000_000.0;
         /// Sound pressure that is full scale.
         full_scale: f64 = 20.0, unit "Pa", range 0.000001..=1_000_000.0;
         /// Add the damping by the radiated sound.
@@ -91,7 +93,7 @@ pub fn voices(
     damping: &DampingModel,
     impulses: &[Vec<f64>],
     radiance: Radiance,
-    distance: f64,
+    listener: &Listener,
     radiation: bool,
 ) -> Vec<Voice> {
     let mut reach = vec![0.0_f64; model.len()];
@@ -104,7 +106,7 @@ pub fn voices(
         let extra = if radiation { radiation_damping(model, mode) } else { 0.0 };
         let c = damping.c(lambda) + extra;
         let ratio = (lambda / (lambda - 0.25 * c * c).max(f64::MIN_POSITIVE)).sqrt();
-        let factor = ratio * radiance.per_velocity(model, mode, distance);
+        let factor = ratio * radiance.per_velocity(model, mode, listener);
         let gains = impulses.iter().map(|j| j[mode] * factor).collect();
         Voice { lambda, c, gains, reach: reach * factor.abs(), members: vec![(mode, factor)] }
     };
@@ -112,9 +114,9 @@ pub fn voices(
 }
 
 /// The vertex at which an impulse along the normal gives the most energy of sound over all modes.
-fn loudest_vertex(model: &ModalModel, radiance: Radiance, distance: f64) -> u32 {
+fn loudest_vertex(model: &ModalModel, radiance: Radiance, listener: &Listener) -> u32 {
     let factors: Vec<f64> =
-        (0..model.len()).map(|mode| radiance.per_velocity(model, mode, distance)).collect();
+        (0..model.len()).map(|mode| radiance.per_velocity(model, mode, listener)).collect();
     let energy = |vertex: usize| -> f64 {
         factors.iter().zip(model.surface().along_normal(vertex)).map(|(factor, x)| (factor * x).powi(2)).sum()
     };
@@ -170,12 +172,13 @@ impl Func for ModelModes {
     fn eval(p: &ModelModesParams, _: &Build<'_>, mut io: ModelModesIo<'_>) -> Result<Summary, Fault> {
         let (model, material) = (io.model, io.material);
         model.validate().map_err(|e| Fault::new("F078", e).at("model"))?;
-        let loudest = [loudest_vertex(model, p.radiance, p.distance)];
+        let listener = Listener::new(model, p.listener, p.distance);
+        let loudest = [loudest_vertex(model, p.radiance, &listener)];
         let vertices = if p.points.is_empty() && p.vertices.is_empty() { &loudest[..] } else { &p.vertices };
         let contacts = contacts(model.surface(), &p.points, vertices, &p.directions, p.max_off_surface)
             .map_err(|e| Fault::new("F078", e.to_string()).at("points"))?;
         let impulses: Vec<Vec<f64>> = contacts.iter().map(|c| c.impulses(model.surface())).collect();
-        let all = voices(model, &material.damping, &impulses, p.radiance, p.distance, p.radiation_damping);
+        let all = voices(model, &material.damping, &impulses, p.radiance, &listener, p.radiation_damping);
         let culling = Culling {
             lowest: p.lowest,
             highest: p.highest,

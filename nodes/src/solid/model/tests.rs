@@ -1,7 +1,7 @@
 use super::cull::{Culling, cull};
 use super::modal_model::ModalModel;
 use super::model_modes::voices;
-use super::radiance::{Radiance, radiation_damping};
+use super::radiance::{Listener, Radiance, radiation_damping};
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use crate::material::DampingModel;
@@ -86,8 +86,9 @@ fn only_the_breathing_mode_of_a_ball_displaces_volume() {
     let &[breathing] = found.as_slice() else { panic!("{found:?}") };
     assert!(share(breathing) > 0.99 && (f[breathing] / (4.44000 * unit) - 1.0).abs() < 0.02);
     // It moves the whole surface alike: p = rho0 c0 S v / (4 pi r) times ka / sqrt(1 + (ka)^2) / a.
-    let sphere = Radiance::Sphere.per_velocity(&ball, breathing, 1.0);
-    let point = Radiance::VolumeVelocity.per_velocity(&ball, breathing, 1.0).abs();
+    let sphere = Radiance::Sphere.per_velocity(&ball, breathing, &Listener::new(&ball, None, 1.0));
+    let point =
+        Radiance::VolumeVelocity.per_velocity(&ball, breathing, &Listener::new(&ball, None, 1.0)).abs();
     let ka = ball.lambda[breathing].sqrt() / 343.0 * (ball.area / (4.0 * PI)).sqrt();
     assert!((sphere / point * (1.0 + ka * ka).sqrt() - 1.0).abs() < 0.02, "{sphere} {point} {ka}");
 }
@@ -98,7 +99,7 @@ fn gains_are_the_response_to_an_impulse() {
     let impulses = vec![
         contacts(bar.surface(), &[[0.0, 0.015, 0.02]], &[], &[], 0.01).unwrap()[0].impulses(bar.surface()),
     ];
-    let all = voices(&bar, &DAMPING, &impulses, Radiance::Unit, 1.0, false);
+    let all = voices(&bar, &DAMPING, &impulses, Radiance::Unit, &Listener::new(&bar, None, 1.0), false);
     for (mode, voice) in all.iter().enumerate() {
         assert!((voice.c - DAMPING.c(bar.lambda[mode])).abs() < 1e-12);
         let omega_d = TAU * voice.frequency();
@@ -106,7 +107,8 @@ fn gains_are_the_response_to_an_impulse() {
         assert!((voice.gains[0] / expected - 1.0).abs() < 1e-9);
         assert!(voice.reach >= 0.9 * voice.gains[0].abs());
     }
-    let radiating = voices(&bar, &DAMPING, &impulses, Radiance::Sphere, 1.0, true);
+    let radiating =
+        voices(&bar, &DAMPING, &impulses, Radiance::Sphere, &Listener::new(&bar, None, 1.0), true);
     for (mode, (a, b)) in radiating.iter().zip(&all).enumerate() {
         let expected = radiation_damping(&bar, mode);
         assert!(expected > 0.0 && (a.c - b.c - expected).abs() < 1e-12);
@@ -129,4 +131,26 @@ fn files_are_read_back_bit_by_bit_and_damage_is_found() {
     for seed in 0..8 {
         ModalModel::trial(&mut Rng::new(seed)).validate().unwrap();
     }
+}
+
+#[test]
+fn point_sources_over_a_pulsating_ball_interfere_as_their_integral() {
+    // Slow waves, so that the ball is about as large as the wavelength in air.
+    let soft = Isotropic { young: 2e7, poisson: 0.25, density: 1000.0 };
+    let ball = model(&ball(0.05, 6), &soft, 2.2e3);
+    let share = |mode: usize| ball.net_flow[mode].abs() / ball.absolute_flow[mode];
+    let found: Vec<usize> = (0..ball.len()).filter(|mode| share(*mode) > 0.99).collect();
+    let &[breathing] = found.as_slice() else { panic!("{found:?}") };
+    let ka = ball.lambda[breathing].sqrt() / 343.0 * (ball.area / (4.0 * PI)).sqrt();
+    assert!((0.5..2.5).contains(&ka), "{ka}");
+    for position in [[0.0, 0.0, 1.0], [0.3, 0.4, 0.0], [0.0, -2.0, 0.0]] {
+        let listener = Listener::new(&ball, Some(position), 1.0);
+        let sum = Radiance::FaceSum.per_velocity(&ball, breathing, &listener);
+        let point = Radiance::VolumeVelocity.per_velocity(&ball, breathing, &listener).abs();
+        // The integral of exp(-i k r) / r over a sphere is 4 pi a^2 sin(k a) / (k a) exp(-i k R) / R.
+        assert!((sum / point / (ka.sin() / ka) - 1.0).abs() < 0.03, "{sum} {point} {ka}");
+    }
+    // Along z from the centre of mass by default.
+    let along = Listener::new(&ball, None, 1.0);
+    assert!((along.position[2] - ball.centre[2] - 1.0).abs() < 1e-12 && along.distance == 1.0);
 }
