@@ -26,7 +26,7 @@ choices! {
 /// Length of a frame at 44.1 kHz, samples.
 const FRAME: f64 = 1024.0;
 /// Maximum decay of a mode within a frame, nepers: 200/s at 44.1 kHz. Above it the error exceeds -34 dB with five bins.
-const MAX_DECAY: f64 = 4.6;
+const MAX_DECAY: f64 = 4.65;
 /// Vectors of modes whose coefficients are computed anew at a grid point.
 const REFRESHED: usize = 64;
 /// Number of sounding modes from which on [`BankForm::Auto`] takes the Fourier form.
@@ -123,8 +123,8 @@ pub(super) struct Limits {
 /// in the lanes, sample by sample, up to the next hop. So an impact sounds at its sample, there is no latency, and the sum is exact up to
 /// the error of the fit. The hops lie at multiples of their length, counted in samples of the stream.
 ///
-/// While dampings or frequencies change, all modes are in the lanes. The coefficients of the new ones are computed over the next grid
-/// intervals, 1024 modes in each.
+/// While dampings or frequencies change, and for a hop after it, all modes are in the lanes. Then new coefficients are computed at grid
+/// points, for 1024 modes at each.
 ///
 /// # Complexity
 /// O(modes * bins) per hop in addition to the transform and, under forces, to the recursion in time.
@@ -142,6 +142,8 @@ pub(super) struct FourierForm {
     coefficients: Vec<f32>,
     /// Vectors whose coefficients are up to date.
     ready: usize,
+    /// Grid points since the last change of dampings or frequencies, while coefficients are out of date.
+    settled: usize,
     /// Position in the hop.
     at: usize,
     /// Grid intervals of the hop in which a force acted.
@@ -160,7 +162,19 @@ pub(super) struct FourierForm {
     /// The spectrum with `MAX_BINS` bins before it and after it, real and imaginary parts.
     padded: [Vec<f32>; 2],
 }
-impl_state!(FourierForm { held, awake, coefficients, ready, at, forced, engaged, sounds, sound, hops });
+impl_state!(FourierForm {
+    held,
+    awake,
+    coefficients,
+    ready,
+    settled,
+    at,
+    forced,
+    engaged,
+    sounds,
+    sound,
+    hops
+});
 
 impl fmt::Debug for FourierForm {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -184,6 +198,7 @@ impl FourierForm {
             awake: vec![false; vectors],
             coefficients: vec![0.0; vectors * LANES * 2 * width],
             ready: 0,
+            settled: 0,
             at: 0,
             forced: 0,
             engaged: false,
@@ -230,7 +245,7 @@ impl FourierForm {
 
     /// Declares all coefficients out of date.
     pub fn spoil(&mut self) {
-        self.ready = 0;
+        (self.ready, self.settled) = (0, 0);
     }
 
     /// Computes coefficients of up to so many vectors of modes with `damping` times all dampings.
@@ -258,9 +273,13 @@ impl FourierForm {
         *ready = until;
     }
 
-    /// Computes coefficients at a grid point at which nothing changes.
+    /// Computes coefficients at a grid point at which nothing changes, from one hop after the last change on.
     pub fn refresh_some(&mut self, groups: &[Group], damping: f64) {
-        if self.ready < self.held.len() {
+        if self.ready == self.held.len() {
+            return;
+        }
+        self.settled += 1;
+        if self.settled * GRID >= self.hop {
             self.refresh(groups, damping, REFRESHED);
         }
     }

@@ -17,7 +17,7 @@ const END_WEIGHT: f64 = 0.125;
 ///
 /// Error relative to a mode at the worst offset between two bins, in dB, over the whole hop, and step from one hop to the next:
 ///
-/// | bins | d N/fs <= 1.2 | step | d N/fs = 4.6 | step |
+/// | bins | d N/fs <= 1.2 | step | d N/fs = 4.65 | step |
 /// |---|---|---|---|---|
 /// | 3 | -25 | -18 | -18 | -21 |
 /// | 5 | -42 | -39 | -34 | -41 |
@@ -27,7 +27,7 @@ const END_WEIGHT: f64 = 0.125;
 ///
 /// # Source
 /// Bonneel, Drettakis, Tsingos, Viaud-Delmon and James, "Fast modal sounds with scalable frequency-domain synthesis" (ACM TOG 27(3),
-/// 2008), add bins of windowed frames that overlap. With Hann windows five bins leave -32 dB for d N/fs <= 1.2 and -18 dB for 4.6, and the
+/// 2008), add bins of windowed frames that overlap. With Hann windows five bins leave -32 dB for d N/fs <= 1.2 and -18 dB for 4.65, and the
 /// state of a new impulse would have to fade in over a hop.
 #[derive(Clone, Debug)]
 pub(crate) struct HopFit {

@@ -59,7 +59,7 @@ params! {
     /// For thousands of modes, `form: Fourier` or `Auto` computes modes that ring freely by one inverse Fourier transform per half frame in place
     /// of each sample of each mode. A frame has 1024 samples at 44.1 kHz, and the nearest power of two in ratio at other rates. There is no
     /// latency: what a force adds is computed in time until the next half frame begins, so an impact sounds at its sample. Modes that
-    /// decay by more than 4.6 nepers in a frame, 200/s at 44.1 kHz, are always computed in time, and so are all modes while dampings or
+    /// decay by more than 4.65 nepers in a frame, 200/s at 44.1 kHz, are always computed in time, and so are all modes while dampings or
     /// frequencies change. The error relative to the time form depends on `bins`. Under forces that last, the time form costs less.
     ///
     /// # Source

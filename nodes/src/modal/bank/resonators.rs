@@ -225,7 +225,7 @@ impl Bank {
 
     /// Sets how modes are computed, with `bins` bins of each mode from 1 to 12, for a bank at rest whose factors are set.
     ///
-    /// The Fourier form holds the modes that ring freely and decay by at most 4.6 nepers in a frame, 200/s at 44.1 kHz. A frame has 1024
+    /// The Fourier form holds the modes that ring freely and decay by at most 4.65 nepers in a frame, 200/s at 44.1 kHz. A frame has 1024
     /// samples at 44.1 kHz, and the nearest power of two in ratio at other rates. Forces act in time, sample by sample, for at most half a
     /// frame, so there is no latency. While dampings or frequencies change, all modes are in time. The error relative to the time form is -34
     /// to -42 dB for five bins and -50 to -59 dB for seven.

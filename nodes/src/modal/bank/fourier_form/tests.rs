@@ -55,7 +55,8 @@ fn the_difference_from_the_time_form_is_that_of_the_fit() {
     let cases = [
         (5, [0.5, 50.0], -41.0),
         (7, [0.5, 50.0], -58.0),
-        (9, [0.5, 50.0], -75.0),
+        // The rest is single precision, of the time form above all.
+        (9, [0.5, 50.0], -70.0),
         (5, [50.0, 200.0], -34.0),
         (7, [50.0, 200.0], -50.0),
     ];
@@ -158,8 +159,9 @@ fn decayed_modes_are_skipped_and_ring_again() {
     let modes = modes(150, [20.0, 200.0]);
     let mut bank = bank(&modes, BankForm::Fourier, 5);
     let mut out = vec![0.0; 44_032];
-    bank.process(&[1.0], &mut out);
-    assert!(bank.sounding() == 160 || bank.sounding() > 0);
+    bank.process(&[1.0], &mut out[..2048]);
+    assert_eq!(bank.sounding(), 160);
+    bank.process(&[], &mut out[2048..]);
     let first = out.clone();
     bank.process(&[], &mut out);
     bank.process(&[], &mut out);
@@ -198,7 +200,7 @@ fn dampings_change_at_the_same_sample_as_in_time_and_without_a_step() {
         assert!(before >= 7 && during <= before + 1 && after > during + 5, "{before} {during} {after}");
         let (now, later) = (error(&found[at..at + 64], &right[at..at + 64]), at + 64..at + 300);
         assert!(now < -30.0, "{at}: {now} dB");
-        // In time, but for rounding, until the coefficients are new.
+        // In time, but for rounding, for a hop at least.
         let later = error(&found[later.clone()], &right[later]);
         assert!(later < -70.0, "{at}: {later} dB");
         assert!(error(&found, &right) < -34.0);
