@@ -95,7 +95,7 @@ fn forms() -> Result<(), Box<dyn Error>> {
                     let mut out = vec![0.0; 1024];
                     let mut k = 0_u64;
                     Some(best(|| {
-                        bank.process(if k % interval == 0 { &impulse } else { &[] }, &mut out);
+                        bank.process(if k.is_multiple_of(interval) { &impulse } else { &[] }, &mut out);
                         k += 1;
                         black_box(&out);
                         out.len() as u64

@@ -364,8 +364,8 @@ impl FourierForm {
                 sounds |= *held_awake;
                 if *held_awake {
                     match *width {
-                        ..=4 => add::<4>(held, coefficients, re, im),
-                        ..=8 => add::<8>(held, coefficients, re, im),
+                        4 => add::<4>(held, coefficients, re, im),
+                        8 => add::<8>(held, coefficients, re, im),
                         _ => add::<MAX_BINS>(held, coefficients, re, im),
                     }
                 }
