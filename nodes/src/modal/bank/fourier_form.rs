@@ -1,7 +1,7 @@
 //! The Fourier form of the modal bank: modes that ring freely, by one inverse transform per hop.
 
 use super::coefficients::Group;
-use super::hop_fit::{HopFit, MAX_BINS, Pair};
+use super::hop_fit::{HopFit, MAX_BINS};
 use super::kernel::{GRID, LANES, Lanes};
 use crate::{choices, impl_state};
 use fearless_simd::{Level, dispatch};
@@ -88,16 +88,21 @@ impl Held {
         }
     }
 
-    /// Returns the states after some more samples.
-    fn after(&self, lanes: &Lanes, samples: usize) -> [(f32, f32); LANES] {
-        std::array::from_fn(|l| {
-            if self.re[l] == 0.0 && self.im[l] == 0.0 {
-                return (0.0, 0.0);
+    /// Returns the states after some more samples, by repeated squares of one step.
+    fn after(&self, lanes: &Lanes, mut samples: usize) -> [(f32, f32); LANES] {
+        let (mut re, mut im) = (self.re.map(f64::from), self.im.map(f64::from));
+        let (mut x, mut y) = (lanes.less_one.map(|x| 1.0 + f64::from(x)), lanes.sin.map(f64::from));
+        while samples > 0 {
+            for l in 0..LANES {
+                let (a, b) = (re[l], im[l]);
+                if samples & 1 == 1 {
+                    (re[l], im[l]) = (a * x[l] - b * y[l], a * y[l] + b * x[l]);
+                }
+                (x[l], y[l]) = (x[l] * x[l] - y[l] * y[l], 2.0 * x[l] * y[l]);
             }
-            let step = Pair(1.0 + f64::from(lanes.less_one[l]), lanes.sin[l].into()).power(samples);
-            let state = step.times(Pair(self.re[l].into(), self.im[l].into()));
-            (state.0 as f32, state.1 as f32)
-        })
+            samples >>= 1;
+        }
+        std::array::from_fn(|l| (re[l] as f32, im[l] as f32))
     }
 
     fn is_silent(&self) -> bool {

@@ -1,6 +1,5 @@
 //! A damped sine over half a Fourier frame, as a sum of a few bins.
 
-use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 /// Maximum number of bins of a mode.
@@ -39,8 +38,8 @@ pub(crate) struct HopFit {
 }
 
 /// A complex number.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Pair(pub f64, pub f64);
+#[derive(Clone, Copy, Debug)]
+struct Pair(f64, f64);
 
 impl Pair {
     /// A number of magnitude 1.
@@ -49,7 +48,7 @@ impl Pair {
     }
 
     /// Returns the product with another number.
-    pub fn times(self, other: Self) -> Self {
+    fn times(self, other: Self) -> Self {
         Self(self.0 * other.0 - self.1 * other.1, self.0 * other.1 + self.1 * other.0)
     }
 
@@ -57,17 +56,6 @@ impl Pair {
         let power = other.0 * other.0 + other.1 * other.1;
         let product = self.times(Self(other.0, -other.1));
         Self(product.0 / power, product.1 / power)
-    }
-
-    /// Returns a power with a whole exponent.
-    pub fn power(self, mut exponent: usize) -> Self {
-        let (mut base, mut product) = (self, Self(1.0, 0.0));
-        while exponent > 0 {
-            product = if exponent & 1 == 1 { product.times(base) } else { product };
-            base = base.times(base);
-            exponent >>= 1;
-        }
-        product
     }
 }
 
@@ -188,7 +176,7 @@ mod tests {
             error += (sample(z, j) - right(j as f64)).powi(2);
             power += right(j as f64).powi(2);
         }
-        let next = Pair::turn(angle).power(hop);
+        let next = Pair::turn(angle * hop as f64);
         let shrink = (-decay * hop as f64).exp();
         let next = z.times(Pair(next.0 * shrink, next.1 * shrink));
         let (last, first) =
