@@ -30,6 +30,9 @@ const MAX_DECAY: f64 = 4.65;
 /// Vectors of modes whose coefficients are computed anew at a grid point.
 const REFRESHED: usize = 64;
 /// Number of sounding modes from which on [`BankForm::Auto`] takes the Fourier form.
+///
+/// By the bench `modal` on one core with AVX-512, it is then 1.08 times as fast with an impact each 1024 samples, and 1.96 times with one each
+/// second. At 64 modes it is 0.94 and 1.38 times as fast.
 const ENTER: usize = 128;
 /// Number of sounding modes below which [`BankForm::Auto`] leaves the Fourier form.
 const LEAVE: usize = 64;
