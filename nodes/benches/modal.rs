@@ -4,7 +4,7 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
-use foley_nodes::modal::{Bank, BankOutput, Modes};
+use foley_nodes::modal::{Bank, BankForm, BankOutput, Modes};
 use std::error::Error;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -79,6 +79,41 @@ fn modes(n: usize) -> Result<Modes, Box<dyn Error>> {
     )?)
 }
 
+/// Compares the forms of the bank: with impacts at several intervals, in blocks of 1024 samples.
+fn forms() -> Result<(), Box<dyn Error>> {
+    let mut impulse = vec![0.0; 1024];
+    impulse[100] = 1.0;
+    for n in [16, 32, 48, 64, 96, 128, 256, 1000, 2000, 5000, 10_000, 50_000] {
+        let modes = modes(n)?;
+        for (name, interval) in
+            [("an impact each second  ", 43), ("an impact each 4 blocks", 4), ("an impact each block   ", 1)]
+        {
+            let found =
+                [(BankForm::Time, 5), (BankForm::Fourier, 5), (BankForm::Fourier, 9)].map(|(form, bins)| {
+                    let mut bank = Bank::new(&modes, RATE, BankOutput::Acceleration).ok()?;
+                    bank.set_form(form, bins);
+                    let mut out = vec![0.0; 1024];
+                    let mut k = 0_u64;
+                    Some(best(|| {
+                        bank.process(if k.is_multiple_of(interval) { &impulse } else { &[] }, &mut out);
+                        k += 1;
+                        black_box(&out);
+                        out.len() as u64
+                    }))
+                });
+            let [Some(time), Some(five), Some(nine)] = found else { return Err("no bank".into()) };
+            println!(
+                "{n:6} modes, {name}: time {:8.1}, Fourier with 5 bins {:8.1}, with 9 bins {:8.1} times real time; {:5.2} times as fast",
+                time / RATE,
+                five / RATE,
+                nine / RATE,
+                five / time
+            );
+        }
+    }
+    Ok(())
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let level = Level::new();
     let bound = bound(level);
@@ -144,6 +179,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         });
         println!("   100 modes, {name}: {:6.1} objects in real time", found / RATE);
     }
+    forms()?;
     let mut quiet = Bank::new(&modes(10_000)?, RATE, BankOutput::Acceleration)?;
     let mut out = vec![0.0; 1024];
     let found = best(|| {

@@ -10,6 +10,7 @@ pub mod mode;
 pub mod residual;
 pub mod surface;
 
+pub use bank::fourier_form::BankForm;
 pub use bank::loudness::loudness;
 pub use bank::resonators::{Bank, BankOutput};
 pub use extraction::comparison::{Comparison, compare};

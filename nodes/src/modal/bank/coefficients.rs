@@ -62,6 +62,18 @@ impl Group {
         }
     }
 
+    /// Nepers per sample of a mode, with `damping` times all dampings.
+    #[inline(always)]
+    fn nepers(&self, l: usize, damping: f64) -> f64 {
+        let decay = self.decay[l] * (damping * f64::from(self.factors[l])) + self.added[l];
+        if decay > MIN_DECAY { decay } else { MIN_DECAY }
+    }
+
+    /// Nepers and radians per sample of a mode, with `damping` times all dampings; none if it has no sound.
+    pub fn pole(&self, l: usize, damping: f64) -> Option<(f64, f64)> {
+        (self.sin[l] != 0.0).then(|| (self.nepers(l, damping), self.angle[l] * self.pitch))
+    }
+
     /// One step of the recursion, `exp(-decay + i angle) - 1`, as real and imaginary part, with `damping` times all dampings.
     ///
     /// Slow modes rotate little in one sample. The difference from 1 keeps all its digits in single precision, so that neither
@@ -70,8 +82,7 @@ impl Group {
     pub fn steps(&self, damping: f64, less_one: &mut [f32; LANES], sin: &mut [f32; LANES]) {
         let (mut x, mut shrink) = ([0.0; LANES], [0.0; LANES]);
         for l in 0..LANES {
-            let decay = self.decay[l] * (damping * f64::from(self.factors[l])) + self.added[l];
-            x[l] = -if decay > MIN_DECAY { decay } else { MIN_DECAY };
+            x[l] = -self.nepers(l, damping);
             shrink[l] = series_expm1(x[l]);
         }
         if x.iter().fold(false, |any, x| any | (*x < SERIES_MIN)) {

@@ -2,6 +2,8 @@
 
 mod coefficients;
 mod dampings;
+pub mod fourier_form;
+mod hop_fit;
 mod kernel;
 pub mod loudness;
 pub mod modal_bank;

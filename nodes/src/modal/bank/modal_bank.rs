@@ -1,6 +1,7 @@
 //! The modal bank, as a node.
 
 use super::dampings::Dampings;
+use super::fourier_form::BankForm;
 use super::kernel::GRID;
 use super::loudness::unit;
 use super::moving_points::MovingPoints;
@@ -55,8 +56,15 @@ params! {
     /// on: link the output of an `ImpactProjector` to `positions` and to an `ImpactForce`. `supports`, from `ContactDamping`, damp each
     /// mode by how much it moves there.
     ///
+    /// For thousands of modes, `form: Fourier` or `Auto` computes modes that ring freely by one inverse Fourier transform per half frame in place
+    /// of each sample of each mode. A frame has 1024 samples at 44.1 kHz, and the nearest power of two in ratio at other rates. There is no
+    /// latency: what a force adds is computed in time until the next half frame begins, so an impact sounds at its sample. Modes that
+    /// decay by more than 4.65 nepers in a frame, 200/s at 44.1 kHz, are always computed in time, and so are all modes while dampings or
+    /// frequencies change. The error relative to the time form depends on `bins`. Under forces that last, the time form costs less.
+    ///
     /// # Source
-    /// Picard, Tsingos and Faure (VRIPHYS 2008), section 5, do not state what of an object is heard: acceleration is a choice. Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
+    /// The Fourier form follows Bonneel, Drettakis, Tsingos, Viaud-Delmon and James, "Fast modal sounds with scalable frequency-domain synthesis" (ACM TOG 27(3), 2008), with bins that are
+    /// fitted to each half frame in place of windows that overlap. Picard, Tsingos and Faure (VRIPHYS 2008), section 5, do not state what of an object is heard: acceleration is a choice. Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
     /// for Virtualized Reality Using a Probabilistic Damping Model" (IEEE TVCG 2019).
     pub struct ModalBankParams {
         /// Motion of the surface that becomes sound.
@@ -84,6 +92,11 @@ params! {
         max_off_surface: f64 = 0.05, unit "", range 0.0..=1000.0;
         /// Time for which the modes still ring after the end of the last force.
         tail: f64 = 3.0, unit "s", range 0.0..=3600.0;
+        /// How modes are computed. `Auto` takes the Fourier form while at least 128 modes sound and no force acts, and leaves it under a force
+        /// that acts throughout half a frame or below 64 modes.
+        form: BankForm = BankForm::Time;
+        /// Bins of each mode in the Fourier form. The error is -34 to -42 dB for 5, -50 to -59 dB for 7, and -67 to -76 dB for 9.
+        bins: u16 = 5, unit "", range 3..=12_u16;
     }
 }
 ports! {
@@ -202,6 +215,15 @@ fn too_many(p: &ModalBankParams, modes: &Modes) -> Option<Reject> {
     })
 }
 
+/// The error for modes that are coupled in the Fourier form, in which each rings by itself.
+fn coupled_in_fourier(p: &ModalBankParams) -> Option<Reject> {
+    (p.coupling == SupportCoupling::Full && p.form == BankForm::Fourier).then(|| {
+        let message =
+            "modes of `coupling: Full` exchange energy in each sample; in `form: Fourier` they ring freely";
+        Reject::new("F078", message).at("form").help("`form: Time`, `form: Auto` or `coupling: Diagonal`")
+    })
+}
+
 /// Takes the supports and materials of a range of ticks.
 fn take_events(
     dampings: &mut Dampings,
@@ -269,6 +291,9 @@ impl Node for ModalBankNode {
                 );
             }
         }
+        if let Some(found) = coupled_in_fourier(p) {
+            s.wrong(found);
+        }
         if let Some(modes) = s.value(ModalBankPorts::modes) {
             modes.validate().map_err(reject)?;
             let dampings =
@@ -324,6 +349,10 @@ impl Node for ModalBankNode {
         let bank = Bank::culled(all.as_ref().unwrap_or(&modes), rate.as_f64(), p.output, p.cull);
         let mut bank = bank.map_err(reject)?;
         bank.start(if linked { 1.0 } else { p.damping }, p.pitch, ramp_frames(rate));
+        // Coupled modes never ring freely.
+        if p.coupling == SupportCoupling::Diagonal {
+            bank.set_form(p.form, p.bins.into());
+        }
         let unit = unit(&modes, p.reference).map_err(reject)?;
         let gain = Gain::new(factor(p, unit), ramp_frames(rate), 1);
         let per_sample = (1.0 / rate.as_f64()) as f32;
@@ -415,6 +444,9 @@ impl Node for ModalBankNode {
         if self.bank.diverged() > 0 {
             summary.push(("modes_stopped_that_grew_beyond_bounds", self.bank.diverged().into()));
         }
+        if self.params.form != BankForm::Time {
+            summary.push(("half_frames_in_fourier_form", self.bank.hops().into()));
+        }
         let warning = self.dampings.supports.as_ref().and_then(Supports::warning);
         summary.extend(warning.map(|text| ("warning", text.into())));
         Ok(summary)
@@ -423,6 +455,7 @@ impl Node for ModalBankNode {
     fn retune(&mut self, new: &ModalBankParams) -> Retune {
         let fixed =
             |p: &ModalBankParams| (p.tail, p.cull, p.output, p.reference, p.max_off_surface, p.coupling);
+        let fixed = |p: &ModalBankParams| (fixed(p), p.form, p.bins);
         if new.points != self.params.points || fixed(new) != fixed(&self.params) {
             return Retune::Rebuild;
         }

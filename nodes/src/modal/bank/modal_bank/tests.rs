@@ -110,6 +110,15 @@ fn one_mode() -> (Modes, ModeShapes) {
 
 /// The sound of two impulses at two contact points: impulse k at 0.1 (k + 1) s.
 fn struck(positions: Vec<(Tick, Impact)>, supports: Vec<(Tick, Support)>, window: Tick) -> Vec<f32> {
+    struck_in(BankForm::Time, positions, supports, window)
+}
+
+fn struck_in(
+    form: BankForm,
+    positions: Vec<(Tick, Impact)>,
+    supports: Vec<(Tick, Support)>,
+    window: Tick,
+) -> Vec<f32> {
     let (modes, shapes) = one_mode();
     let mut force = vec![0.0; 2 * FS as usize];
     for k in 0..2 {
@@ -119,6 +128,7 @@ fn struck(positions: Vec<(Tick, Impact)>, supports: Vec<(Tick, Support)>, window
         output: BankOutput::Displacement,
         reference: Reference::Absolute,
         cull: -300.0,
+        form,
         ..params()
     };
     let standalone = Standalone::new::<ModalBankNode>(p)
@@ -252,4 +262,46 @@ fn of_a_coupled_pair_only_the_combination_that_moves_at_the_support_is_damped() 
     // Each by itself: both decay faster than the combination, and their sum is no exponential.
     let found = pair(SupportCoupling::Diagonal, 1);
     assert!((found - 2.0).abs() > 0.5, "{found}");
+}
+
+#[test]
+fn the_fourier_form_follows_positions_and_supports_as_the_time_form_does() {
+    let body = crate::modal::Body { mass: 0.1, restitution: 0.0 };
+    let hit = |point: u32, local: [f32; 3]| Impact { point, local, ..Impact::from_velocity(1.0, body) };
+    let positions =
+        vec![(ticks(0.1), hit(0, [0.0, 0.0999, -1e-6])), (ticks(0.2), hit(1, [1e-6, 1e-6, -1e-6]))];
+    let grip = Support { id: 5, local: [1e-6, 1e-6, 0.0], coefficient: 20.0, mu: 0.5, release: 0.005 };
+    let supports = vec![(ticks(0.5), grip), (ticks(0.8), Support { coefficient: 0.0, ..grip })];
+    let run = |form, window| struck_in(form, positions.clone(), supports.clone(), window);
+    let right = run(BankForm::Time, ticks(0.02));
+    let found = run(BankForm::Fourier, ticks(0.02));
+    let difference: Vec<f32> = found.iter().zip(&right).map(|(a, b)| a - b).collect();
+    let second = FS as usize;
+    for part in [0..second / 5, second / 5..second / 2, second / 2..second * 4 / 5, second * 4 / 5..second] {
+        let error = 20.0 * (rms(&difference[part.clone()]) / rms(&right[part.clone()])).log10();
+        println!("samples {part:?}: {error:.1} dB");
+        assert!(error < -30.0 && error > -120.0, "{part:?}: {error} dB");
+    }
+    for window in [Rate::hz(FS).span(1), Rate::hz(FS).span(77), ticks(1.0)] {
+        assert!(run(BankForm::Fourier, window) == found, "{window}");
+    }
+}
+
+#[test]
+fn coupled_modes_are_refused_in_the_fourier_form() {
+    let with = |coupling, form| {
+        let standalone = standalone(ModalBankParams { coupling, form, ..params() }, 100);
+        standalone.shape().err().map(|found| (found.code, found.message))
+    };
+    let (code, message) = with(SupportCoupling::Full, BankForm::Fourier).unwrap();
+    assert!(code == "F078" && message.contains("`coupling: Full`"), "{code} {message}");
+    assert_eq!(with(SupportCoupling::Full, BankForm::Auto), None);
+    assert_eq!(with(SupportCoupling::Diagonal, BankForm::Fourier), None);
+}
+
+#[test]
+fn a_reload_from_one_form_to_the_other_is_a_rebuild() {
+    let mut run = standalone(params(), 1000).start().unwrap();
+    let edit = ModalBankParams { form: BankForm::Fourier, ..params() };
+    assert_eq!(run.node().retune(&edit), Retune::Rebuild);
 }
