@@ -7,18 +7,6 @@ use foley::graph::{LoadOptions, load};
 use foley::plan::PlanOptions;
 use foley_nodes::core::time::ticks;
 use std::collections::BTreeSet;
-use std::fs;
-use std::path::Path;
-
-fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
-    let mut all: Vec<_> = fs::read_dir(folder)
-        .unwrap()
-        .map(|e| e.unwrap().path())
-        .map(|p| (p.file_name().unwrap().to_string_lossy().into_owned(), fs::read(&p).unwrap()))
-        .collect();
-    all.sort();
-    all
-}
 
 #[test]
 fn every_example_graph_gives_the_same_bits_for_any_window_and_threads() {
@@ -31,7 +19,7 @@ fn every_example_graph_gives_the_same_bits_for_any_window_and_threads() {
             if let Err(e) = common::run_file(path, &options, dir.path()) {
                 panic!("{}: {e}", path.display());
             }
-            files(dir.path())
+            common::files_below(dir.path())
         };
         let reference = run(0.02, 1);
         assert!(!reference.is_empty(), "{} wrote nothing", path.display());

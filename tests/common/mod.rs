@@ -11,6 +11,8 @@ use foley::graph::{DirFiles, Graph, Limits, LoadOptions, load, load_text};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, TapTarget, check_tap, run};
 use foley_nodes::core::time::{Tick, ticks};
+use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -173,4 +175,21 @@ pub fn foley(folder: &Path, arguments: &[&str]) -> serde_json::Value {
     let ran = command.output().unwrap();
     assert!(ran.status.success(), "{arguments:?}\n{}", String::from_utf8_lossy(&ran.stderr));
     serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap()
+}
+
+/// The files in a folder and in those below it, by their path from it.
+pub fn files_below(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                all.insert(path.strip_prefix(folder).unwrap().to_owned(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    all
 }

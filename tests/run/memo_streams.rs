@@ -8,9 +8,8 @@ use foley::memo::{CachePolicy, MEMORY, Memo};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, run};
 use foley_nodes::core::time::ticks;
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Caches every stream that can be cached.
@@ -263,11 +262,6 @@ fn the_command_lists_cached_streams() {
     assert!(text.contains("not kept") && text.contains("radius: 0.02 -> 0.03"), "{text}");
 }
 
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let all = fs::read_dir(folder).unwrap().flatten().filter(|e| e.path().is_file());
-    all.map(|e| (e.file_name().into(), fs::read(e.path()).unwrap())).collect()
-}
-
 #[test]
 fn every_example_is_the_same_with_all_its_streams_cached() {
     for path in common::all_graphs().into_iter().filter(|path| common::is_whole(path)) {
@@ -297,7 +291,7 @@ fn every_example_is_the_same_with_all_its_streams_cached() {
                 let report = run(&job).unwrap();
                 let cached = report.nodes.iter().filter(|n| n.cached).count();
                 assert!(report.notes.iter().all(|(_, note)| !note.contains("F08")), "{:?}", report.notes);
-                (files(&out), cached)
+                (common::files_below(&out), cached)
             })
             .collect();
         assert!(runs[0].0 == runs[1].0 && runs[1].0 == runs[2].0, "{}", path.display());
