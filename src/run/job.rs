@@ -20,7 +20,7 @@ pub struct Progress {
     /// Stops the run when it is set.
     pub stop: AtomicBool,
     /// The node that computes a value, with the share that it reports as done.
-    pub value: Mutex<Option<(String, f64)>>,
+    value: Mutex<Option<(String, f64)>>,
 }
 
 impl Progress {
@@ -28,6 +28,11 @@ impl Progress {
     pub(super) fn watch(&self, node: &str, share: f64) -> bool {
         *self.value.lock().unwrap_or_else(PoisonError::into_inner) = Some((node.to_owned(), share));
         self.stop.load(Ordering::SeqCst)
+    }
+
+    /// Notes that a value is computed.
+    pub(super) fn end_value(&self) {
+        *self.value.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
     /// The node that computes a value and has reported how much of it is done, in percent.

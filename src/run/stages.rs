@@ -12,10 +12,16 @@ use foley_nodes::core::input::{Inputs, NoInputs};
 use foley_nodes::core::node::DynNode;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::random::Random;
-use foley_nodes::core::shape::{Build, LinkShape, Monitor, NodeShape, unmonitored};
+use foley_nodes::core::shape::{Background, Build, LinkShape, Monitor, NodeShape, unmonitored};
 use foley_nodes::core::stage::{InWire, OutWire, Stage, StageNode};
 use foley_nodes::core::time::Tick;
 use std::cell::RefCell;
+use std::sync::{Arc, LazyLock};
+
+/// Runs work on a thread of its own; if there can be none it is dropped, and whoever waits for its result learns so from the channel.
+static BACKGROUND: LazyLock<Background> = LazyLock::new(|| {
+    Arc::new(|work| drop(std::thread::Builder::new().name("background".into()).spawn(work)))
+});
 
 /// Everything that nodes are built from.
 pub struct BuildSite<'a> {
@@ -81,6 +87,7 @@ impl<'a> BuildSite<'a> {
             outputs: self.outputs,
             inputs: self.inputs,
             monitor: self.monitor,
+            background: &BACKGROUND,
         }
     }
 

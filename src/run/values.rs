@@ -8,7 +8,6 @@ use crate::diag::Diagnostic;
 use crate::memo::{Hit, RunCache};
 use foley_nodes::core::stage::{Cx, InWire, OutWire};
 use std::cell::RefCell;
-use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -57,7 +56,7 @@ pub fn evaluate(
         let result = eval(&*node.params, &cx, &Cx::for_values(&inputs, &outputs));
         let time = start.elapsed();
         let done = result.is_ok();
-        *job.progress.value.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        job.progress.end_value();
         match result {
             Ok(summary) => report.add(n, time, 1, summary),
             Err(_) if job.progress.stop.load(Ordering::SeqCst) => return Err(vec![stopped(None)]),

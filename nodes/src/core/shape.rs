@@ -366,6 +366,18 @@ pub struct Build<'a> {
     pub inputs: &'a dyn Inputs,
     /// Watches a long computation.
     pub monitor: &'a Monitor<'a>,
+    /// Runs work beside the graph.
+    pub background: &'a Background,
+}
+
+/// Runs work beside the windows of a graph, at once or on another thread: a node that analyses what it has received hands it over, and takes
+/// the result from a channel at a later item.
+pub type Background = Arc<dyn Fn(Box<dyn FnOnce() + Send>) + Send + Sync>;
+
+/// The [`Background`] that runs all work at once.
+#[must_use]
+pub fn foreground() -> Background {
+    Arc::new(|work| work())
 }
 
 /// Watches a long computation: it takes the share that is done, from 0 to 1, and returns true if the computation is to stop.

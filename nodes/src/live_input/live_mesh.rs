@@ -305,6 +305,7 @@ mod tests {
                 outputs: &MemoryOutputs::default(),
                 inputs: &opened,
                 monitor: &crate::core::shape::unmonitored,
+                background: &crate::core::shape::foreground(),
             },
         );
         assert!(node.unwrap().frames.is_none());

@@ -11,7 +11,7 @@ pub mod hierarchical;
 pub(crate) mod lbfgs;
 pub mod least_squares;
 pub mod likelihood;
-mod linear;
+pub(crate) mod linear;
 pub mod lower_bound;
 pub mod mixture;
 pub(crate) mod newton;

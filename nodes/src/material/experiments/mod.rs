@@ -8,6 +8,7 @@ pub mod held_out;
 pub mod held_out_knocks;
 pub mod interval_coverage;
 pub mod material_table;
+pub mod significance;
 pub mod spurious_features;
 pub mod support_law;
 pub mod synthetic;

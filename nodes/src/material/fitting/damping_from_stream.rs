@@ -5,7 +5,7 @@ use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{Events, Stream};
 use crate::core::random::Rng;
-use crate::core::shape::{Build, Shape};
+use crate::core::shape::{Background, Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::db_to_linear;
 use crate::material::DampingModel;
@@ -20,7 +20,7 @@ use crate::{archive_state, params, ports};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::fmt;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, channel};
 
 /// Duration of a block whose energy is compared with that before it, s.
 const BLOCK: f64 = 0.001;
@@ -43,8 +43,8 @@ params! {
     /// does. The fit is an event `delay` after the end of the captured sound, at most every 200 ms: link it to `material` of a `ModalBank`.
     /// A knock after which the log-likelihood of a point is lower by more than 1 nat, such as one on another object, is left out.
     ///
-    /// Extraction and fit run on a thread of their own. The time of each event depends on the stream alone; if a fit is not ready then, the
-    /// node waits for it, so `delay` has to be longer than a computation.
+    /// The extraction runs in the background. The time of each event depends on the stream alone; if an extraction is not ready then, the
+    /// node waits for it, so `delay` has to be longer than it takes.
     ///
     /// # Source
     /// Sterling et al., "Audio-material reconstruction for virtualized reality using a probabilistic damping model" (IEEE TVCG 25(5),
@@ -82,15 +82,15 @@ struct Knocks {
     points: VecDeque<Vec<DampingPoint>>,
     /// Log-likelihood of a point in the latest fit.
     log_likelihood: Option<f64>,
+    /// Number of knocks that contradicted the others.
+    rejected: u64,
 }
 
-/// What the analysis of a knock has found.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Found {
-    knocks: Knocks,
-    /// The fit, if there is a new one.
-    model: Option<DampingModel>,
-    rejected: bool,
+/// The points of damping of one knock.
+fn points(sound: &[f32], rate: f64) -> Vec<DampingPoint> {
+    let found = extract(sound, rate, &ExtractParams::default());
+    let features = found.map_or_else(|_| Vec::new(), |found| found.features);
+    Gate::default().points(&[FeatureSet { features, ..FeatureSet::default() }]).points
 }
 
 impl Knocks {
@@ -103,73 +103,37 @@ impl Knocks {
         fit_mixture(&all, &MixtureOptions::new(FitOptions::new(Family::Rayleigh))).ok()
     }
 
-    /// Adds a knock, unless it contradicts the others.
-    fn add(&mut self, sound: &[f32], rate: f64, most: usize) -> Found {
-        let features =
-            extract(sound, rate, &ExtractParams::default()).map_or_else(|_| Vec::new(), |f| f.features);
-        let set = FeatureSet { features, ..FeatureSet::default() };
-        let points = Gate::default().points(std::slice::from_ref(&set)).points;
+    /// Adds a knock, unless it contradicts the others, and fits the last `most`; `None` if there is no new fit.
+    fn add(&mut self, points: Vec<DampingPoint>, most: usize) -> Option<DampingModel> {
         if points.is_empty() {
-            return Found { knocks: self.clone(), ..Found::default() };
+            return None;
         }
-        let earlier = self.clone();
+        let earlier = self.points.clone();
         self.points.push_back(points);
         while self.points.len() > most {
             self.points.pop_front();
         }
-        let Some(found) = self.fit() else {
-            return Found { knocks: self.clone(), ..Found::default() };
-        };
-        let n = self.points.iter().map(Vec::len).sum::<usize>() as f64;
-        let likelihood = found.fit.physical_log_likelihood() / n;
+        let found = self.fit()?.fit;
+        let likelihood = found.physical_log_likelihood() / found.sample.len() as f64;
         if self.log_likelihood.is_some_and(|before| likelihood < before - MAX_FALL) {
-            *self = earlier;
-            return Found { knocks: self.clone(), model: None, rejected: true };
+            self.points = earlier;
+            self.rejected += 1;
+            return None;
         }
         self.log_likelihood = Some(likelihood);
-        let model = Family::Rayleigh.model(&found.fit.physical(), &[]);
-        Found { knocks: self.clone(), model: Some(model), rejected: false }
-    }
-}
-
-/// The thread that analyses knocks in order.
-struct Worker {
-    sounds: Sender<Vec<f32>>,
-    found: Receiver<Found>,
-}
-
-impl Worker {
-    fn start(mut knocks: Knocks, rate: f64, most: usize) -> Result<Self, Fault> {
-        let (sounds, incoming) = channel::<Vec<f32>>();
-        let (outgoing, found) = channel();
-        let analyse = move || {
-            // Ends when the node is dropped.
-            for sound in incoming {
-                if outgoing.send(knocks.add(&sound, rate, most)).is_err() {
-                    break;
-                }
-            }
-        };
-        let started = std::thread::Builder::new().name("knocks".into()).spawn(analyse);
-        started.map_err(|e| Fault::new("F099", format!("no thread for the analysis: {e}")))?;
-        Ok(Self { sounds, found })
+        Some(Family::Rayleigh.model(&found.physical(), &[]))
     }
 }
 
 /// A captured knock whose fit is due.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 struct Pending {
     /// Sample at which the event is due.
     due: i64,
     sound: Vec<f32>,
-}
-
-/// Counts for the summary.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Counts {
-    knocks: u64,
-    fits: u64,
-    rejected: u64,
+    /// The points, once they are computed; none if the analysis has not begun, as after a checkpoint.
+    #[serde(skip)]
+    points: Option<Receiver<Vec<DampingPoint>>>,
 }
 
 /// The node `DampingFromStream`.
@@ -184,24 +148,24 @@ pub struct DampingFromStream {
     before: f64,
     /// The latest sound: before a knock, `lead` samples of it; after one, all since then.
     sound: VecDeque<f32>,
-    /// Samples since the latest knock, while it is captured.
-    captured: Option<usize>,
+    /// True while a knock is captured.
+    capturing: bool,
     /// Samples since the latest knock.
     since: usize,
     pending: VecDeque<Pending>,
     /// Sample of the latest event that was planned.
     planned: i64,
     knocks: Knocks,
+    /// Parameters of the latest fit.
     latest: Vec<f64>,
-    counts: Counts,
-    /// The thread, and the number of pending knocks that it has.
-    worker: Option<Worker>,
-    sent: usize,
+    /// Number of knocks, and of fits.
+    counts: [u64; 2],
+    background: Background,
 }
 
 impl fmt::Debug for DampingFromStream {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "DampingFromStream({:?})", self.counts)
+        write!(f, "DampingFromStream({:?})", self.knocks)
     }
 }
 
@@ -212,10 +176,10 @@ impl DampingFromStream {
         let delay = (self.params.delay * rate).round() as i64;
         let due = (now + delay).max(self.planned.saturating_add((INTERVAL * rate).ceil() as i64));
         self.planned = due;
-        self.captured = None;
-        self.counts.knocks += 1;
+        self.capturing = false;
+        self.counts[0] += 1;
         let sound = self.sound.iter().copied().collect();
-        self.pending.push_back(Pending { due, sound });
+        self.pending.push_back(Pending { due, sound, points: None });
         while self.sound.len() > self.lead {
             self.sound.pop_front();
         }
@@ -226,12 +190,9 @@ impl DampingFromStream {
         let longest = (self.params.capture * self.rate.as_f64()).round() as usize;
         self.sound.push_back(x);
         self.since = self.since.saturating_add(1);
-        if let Some(captured) = &mut self.captured {
-            *captured += 1;
-            if *captured >= longest {
-                self.captured(now);
-            }
-        } else if self.sound.len() > self.lead {
+        if self.capturing && self.since >= longest {
+            self.captured(now);
+        } else if !self.capturing && self.sound.len() > self.lead {
             self.sound.pop_front();
         }
         self.energy.0 += f64::from(x) * f64::from(x);
@@ -244,34 +205,26 @@ impl DampingFromStream {
         let (floor, rise) = (db_to_linear(self.params.floor), db_to_linear(self.params.rise));
         let apart = self.since as f64 >= APART * self.rate.as_f64();
         if energy > floor * floor && energy > rise * rise * self.before && apart {
-            if self.captured.is_some() {
+            if self.capturing {
                 self.captured(now);
             }
-            self.captured = Some(0);
-            self.since = 0;
+            (self.capturing, self.since) = (true, 0);
         }
         self.before += (energy - self.before) * (BLOCK / BEFORE);
     }
 
-    /// Hands all captured knocks to the thread.
-    fn send(&mut self) -> Result<(), Fault> {
-        if self.sent == 0 && !self.pending.is_empty() {
-            self.worker = Some(Worker::start(self.knocks.clone(), self.rate.as_f64(), self.params.knocks)?);
+    /// Begins the analysis of captured knocks.
+    fn analyse(&mut self) {
+        let rate = self.rate.as_f64();
+        for pending in self.pending.iter_mut().filter(|pending| pending.points.is_none()) {
+            let (sender, receiver) = channel();
+            let sound = pending.sound.clone();
+            (self.background)(Box::new(move || {
+                // Nobody waits for it if the node is gone.
+                let _ = sender.send(points(&sound, rate));
+            }));
+            pending.points = Some(receiver);
         }
-        let Some(worker) = &self.worker else { return Ok(()) };
-        for pending in self.pending.iter().skip(self.sent) {
-            // A thread that has gone is found when its result is due.
-            let _ = worker.sounds.send(pending.sound.clone());
-        }
-        self.sent = self.pending.len();
-        Ok(())
-    }
-
-    /// The result of the knock that is due first.
-    fn receive(&mut self) -> Result<Found, Fault> {
-        let found = self.worker.as_ref().and_then(|worker| worker.found.recv().ok());
-        self.sent -= 1;
-        found.ok_or_else(|| Fault::new("F099", "the analysis of a knock failed").at("audio"))
     }
 }
 
@@ -301,15 +254,14 @@ impl Node for DampingFromStream {
             energy: (0.0, 0),
             before: 0.0,
             sound: VecDeque::new(),
-            captured: None,
+            capturing: false,
             since: usize::MAX / 2,
             pending: VecDeque::new(),
             planned: i64::MIN / 2,
             knocks: Knocks::default(),
             latest: Vec::new(),
-            counts: Counts::default(),
-            worker: None,
-            sent: 0,
+            counts: [0; 2],
+            background: cx.background.clone(),
         })
     }
 
@@ -321,16 +273,13 @@ impl Node for DampingFromStream {
             now += 1;
             self.sample(x as f32, now);
         }
-        self.send()?;
-        while self.pending.front().is_some_and(|p| p.due < now) {
-            let found = self.receive()?;
-            let due = self.pending.pop_front().map_or(now, |p| p.due);
-            self.knocks = found.knocks;
-            self.counts.rejected += u64::from(found.rejected);
-            if let Some(model) = found.model {
-                self.counts.fits += 1;
+        self.analyse();
+        while let Some(pending) = self.pending.pop_front_if(|pending| pending.due < now) {
+            let points = pending.points.and_then(|points| points.recv().ok()).unwrap_or_default();
+            if let Some(model) = self.knocks.add(points, self.params.knocks) {
+                self.counts[1] += 1;
                 self.latest = model.parameters();
-                io.damping.push(self.rate.tick(due), DampingCurve::new(|f| model.decay(f)));
+                io.damping.push(self.rate.tick(pending.due), DampingCurve::new(|f| model.decay(f)));
             }
         }
         Ok(())
@@ -338,9 +287,9 @@ impl Node for DampingFromStream {
 
     fn finish(&mut self, _: DampingFromStreamIo<'_>) -> Result<Summary, Fault> {
         let mut summary = vec![
-            ("knocks", self.counts.knocks.into()),
-            ("fits", self.counts.fits.into()),
-            ("left_out", self.counts.rejected.into()),
+            ("knocks", self.counts[0].into()),
+            ("fits", self.counts[1].into()),
+            ("left_out", self.knocks.rejected.into()),
             ("points", self.knocks.points.iter().map(Vec::len).sum::<usize>().into()),
         ];
         if let [a1, a2] = self.latest[..] {
@@ -350,7 +299,7 @@ impl Node for DampingFromStream {
         Ok(summary)
     }
 
-    archive_state!(energy, before, sound, captured, since, pending, planned, knocks, latest, counts);
+    archive_state!(energy, before, sound, capturing, since, pending, planned, knocks, latest, counts);
 
     fn trial(rng: &mut Rng) -> (DampingFromStreamParams, MemoryFiles) {
         let p = DampingFromStreamParams {

@@ -8,7 +8,7 @@ use crate::core::ports::{Many, Stream};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
-use crate::dsp::{Weighting, db_to_linear, linear_to_db, weighted_rms};
+use crate::dsp::{Weighting, db_to_linear, weighted_rms};
 use crate::io::text_output::TextOutput;
 use crate::io::{AudioWriter, MaxLength, RecordingParam, WriteFormat, WriteSpec, wav_rate};
 use crate::{archive_state, params, ports};
@@ -81,6 +81,7 @@ struct Stimulus {
 /// The node `ListeningTest`.
 pub struct ListeningTest {
     name: String,
+    sets: Vec<String>,
     pairs: usize,
     level: f64,
     rate: Rate,
@@ -219,6 +220,7 @@ impl Node for ListeningTest {
         let stimuli = labels(p).into_iter().map(stimulus).collect::<Result<Vec<_>, Fault>>()?;
         Ok(Self {
             name: name.to_owned(),
+            sets: p.sets.iter().map(|set| set.0.clone()).collect(),
             pairs: p.pairs,
             level: p.level,
             rate,
@@ -253,16 +255,10 @@ impl Node for ListeningTest {
         }
         let describe =
             |s: &Stimulus| json!({"file": s.file, "object": s.object, "material": s.material, "set": s.set});
-        let mut sets: Vec<&str> = Vec::new();
-        self.stimuli.iter().for_each(|s| {
-            if !sets.contains(&s.set.as_str()) {
-                sets.push(&s.set);
-            }
-        });
         let test = json!({
             "name": self.name,
             "pairs": self.pairs,
-            "sets": sets,
+            "sets": self.sets,
             "sounds": self.stimuli.iter().map(describe).collect::<Vec<_>>(),
             "recordings": self.recordings.iter().map(describe).collect::<Vec<_>>(),
         });
@@ -271,7 +267,7 @@ impl Node for ListeningTest {
         let mut summary = vec![
             ("sounds", self.stimuli.len().into()),
             ("recordings", self.recordings.len().into()),
-            ("level_db", linear_to_db(db_to_linear(self.level)).into()),
+            ("level_db", self.level.into()),
         ];
         self.form.write(&include_str!("listening_test.html").replace("{{TEST}}", &test), &mut summary)?;
         summary.extend(silent.into_iter().map(|file| ("warning", format!("{file:?} is silent").into())));
@@ -301,6 +297,7 @@ mod tests {
     use super::*;
     use crate::core::item::Channels;
     use crate::core::standalone::Standalone;
+    use crate::dsp::linear_to_db;
     use crate::io::{AudioReader, trial_wav};
     use crate::material::statistics::ratings::read_ratings;
 

@@ -235,7 +235,7 @@ impl FourierForm {
         other.filter(|other| other.hop == self.hop).map(|other| other.at)
     }
 
-    /// Returns true if the next sample is at another position of a hop than `position`, a position in the stream.
+    /// Returns true if the next sample has the position in a hop that `position` has, a position in the stream.
     pub fn is_at(&self, position: i64) -> bool {
         position.rem_euclid(self.hop as i64) as usize == self.at
     }

@@ -1,6 +1,10 @@
 //! A damped sine over half a Fourier frame, as a sum of a few bins.
 
+use crate::material::estimation::linear::inverse;
+use realfft::num_complex::Complex;
 use std::f64::consts::{PI, TAU};
+
+type C = Complex<f64>;
 
 /// Maximum number of bins of a mode.
 pub(crate) const MAX_BINS: usize = 12;
@@ -37,33 +41,19 @@ pub(crate) struct HopFit {
     inverse: Vec<f64>,
 }
 
-/// A complex number.
-#[derive(Clone, Copy, Debug)]
-struct Pair(f64, f64);
-
-impl Pair {
-    /// A number of magnitude 1.
-    fn turn(angle: f64) -> Self {
-        Self(libm::cos(angle), libm::sin(angle))
-    }
-
-    /// Returns the product with another number.
-    fn times(self, other: Self) -> Self {
-        Self(self.0 * other.0 - self.1 * other.1, self.0 * other.1 + self.1 * other.0)
-    }
-
-    fn over(self, other: Self) -> Self {
-        let power = other.0 * other.0 + other.1 * other.1;
-        let product = self.times(Self(other.0, -other.1));
-        Self(product.0 / power, product.1 / power)
-    }
+/// The complex number of magnitude 1 at an angle.
+fn turn(angle: f64) -> C {
+    C::new(libm::cos(angle), libm::sin(angle))
 }
 
-/// Hyperbolic sine and cosine of `x + iy`.
-fn hyperbolic(x: f64, y: f64) -> [Pair; 2] {
-    let (sinh, cosh) = (libm::sinh(x), libm::cosh(x));
-    let Pair(cos, sin) = Pair::turn(y);
-    [Pair(sinh * cos, cosh * sin), Pair(cosh * cos, sinh * sin)]
+/// Hyperbolic sine and cosine of `x + iy`, from those of `x` and from `exp(i y)`.
+fn hyperbolic([sinh, cosh]: [f64; 2], y: C) -> [C; 2] {
+    [C::new(sinh * y.re, cosh * y.im), C::new(cosh * y.re, sinh * y.im)]
+}
+
+/// Hyperbolic sine and cosine of a real number.
+fn real_hyperbolic(x: f64) -> [f64; 2] {
+    [libm::sinh(x), libm::cosh(x)]
 }
 
 impl HopFit {
@@ -75,8 +65,9 @@ impl HopFit {
             let sum = if a == b { hop } else { libm::sin(0.5 * distance * hop) / libm::sin(0.5 * distance) };
             sum + 2.0 * END_WEIGHT * hop * libm::cos(0.5 * distance * (hop - 1.0))
         };
-        let matrix = (0..bins * bins).map(|k| scalar_product(k / bins, k % bins)).collect();
-        Self { size, bins, inverse: inverse(matrix, bins) }
+        let matrix: Vec<f64> = (0..bins * bins).map(|k| scalar_product(k / bins, k % bins)).collect();
+        // It is positive definite.
+        Self { size, bins, inverse: inverse(&matrix, bins).unwrap_or_default() }
     }
 
     /// Finds the bins of a mode that decays by `decay` nepers and turns by `angle` radians per sample.
@@ -93,57 +84,31 @@ impl HopFit {
         let lowest = (angle * size / TAU - 0.5 * self.bins as f64).ceil();
         // From bin to bin: u = -decay + i (angle - 2 pi bin / N), x = u hop / 2, y = u / 2.
         let offset = angle - TAU * lowest / size;
-        let [mut sinh_x, mut cosh_x] = hyperbolic(-0.5 * decay * hop, 0.5 * offset * hop);
-        let (sinh_real, cosh_real) = (libm::sinh(-0.5 * decay), libm::cosh(-0.5 * decay));
-        let (mut y, next_y) = (Pair::turn(0.5 * offset), Pair::turn(-PI / size));
-        let mut products = [Pair(0.0, 0.0); MAX_BINS];
+        let [mut sinh_x, mut cosh_x] =
+            hyperbolic(real_hyperbolic(-0.5 * decay * hop), turn(0.5 * offset * hop));
+        let of_decay = real_hyperbolic(-0.5 * decay);
+        let (mut y, next_y) = (turn(0.5 * offset), turn(-PI / size));
+        let mut products = [C::ZERO; MAX_BINS];
         for product in &mut products[..self.bins] {
-            let [sinh_y, cosh_y] =
-                [Pair(sinh_real * y.0, cosh_real * y.1), Pair(cosh_real * y.0, sinh_real * y.1)];
-            let sum = sinh_x.over(sinh_y);
-            let (a, b) = (cosh_x.times(cosh_y), sinh_x.times(sinh_y));
-            let ends = 2.0 * END_WEIGHT * hop;
-            *product = Pair(sum.0 + ends * (a.0 - b.0), sum.1 + ends * (a.1 - b.1));
-            (sinh_x, cosh_x) = (Pair(cosh_x.1, -cosh_x.0), Pair(sinh_x.1, -sinh_x.0));
-            y = y.times(next_y);
+            let [sinh_y, cosh_y] = hyperbolic(of_decay, y);
+            let ends = cosh_x * cosh_y - sinh_x * sinh_y;
+            *product = sinh_x / sinh_y + ends * (2.0 * END_WEIGHT * hop);
+            // A turn by -i.
+            (sinh_x, cosh_x) = (C::new(cosh_x.im, -cosh_x.re), C::new(sinh_x.im, -sinh_x.re));
+            y *= next_y;
         }
-        let size_at_centre = libm::exp(-decay * (1.0 + centre));
         // The product with -i / 2 makes imaginary parts of real ones.
-        let middle = Pair::turn(angle * (1.0 + centre));
-        let mut factor = Pair(0.5 * size_at_centre * middle.1, -0.5 * size_at_centre * middle.0)
-            .times(Pair::turn(-TAU * lowest / size * centre));
-        let next_factor = Pair::turn(-TAU / size * centre);
+        let middle = turn(angle * (1.0 + centre)) * (0.5 * libm::exp(-decay * (1.0 + centre)));
+        let mut factor = C::new(middle.im, -middle.re) * turn(-TAU * lowest / size * centre);
+        let next_factor = turn(-TAU / size * centre);
         for (row, (re, im)) in self.inverse.chunks_exact(self.bins).zip(re.iter_mut().zip(im)) {
-            let sum = row
-                .iter()
-                .zip(&products)
-                .fold(Pair(0.0, 0.0), |sum, (x, product)| Pair(sum.0 + x * product.0, sum.1 + x * product.1));
-            let coefficient = sum.times(factor);
-            (*re, *im) = (coefficient.0 as f32, coefficient.1 as f32);
-            factor = factor.times(next_factor);
+            let sum: C = row.iter().zip(&products).map(|(x, product)| product * x).sum();
+            let coefficient = sum * factor;
+            (*re, *im) = (coefficient.re as f32, coefficient.im as f32);
+            factor *= next_factor;
         }
         lowest as i32
     }
-}
-
-/// Inverse of a positive definite matrix, by elimination.
-fn inverse(mut matrix: Vec<f64>, n: usize) -> Vec<f64> {
-    let mut inverse: Vec<f64> = (0..n * n).map(|k| f64::from(u8::from(k / n == k % n))).collect();
-    for k in 0..n {
-        let scale = 1.0 / matrix[k * n + k];
-        for column in 0..n {
-            matrix[k * n + column] *= scale;
-            inverse[k * n + column] *= scale;
-        }
-        for row in (0..n).filter(|row| *row != k) {
-            let factor = matrix[row * n + k];
-            for column in 0..n {
-                matrix[row * n + column] -= factor * matrix[k * n + column];
-                inverse[row * n + column] -= factor * inverse[k * n + column];
-            }
-        }
-    }
-    inverse
 }
 
 #[cfg(test)]
@@ -159,14 +124,14 @@ mod tests {
         let (decay, angle) = (d / FS, TAU * bin / size as f64);
         let (mut re, mut im) = ([0.0; MAX_BINS], [0.0; MAX_BINS]);
         let lowest = fit.coefficients(decay, angle, &mut re, &mut im);
-        let z = Pair::turn(phase);
+        let z = turn(phase);
         let right = |j: f64| (-decay * (j + 1.0)).exp() * (phase + angle * (j + 1.0)).sin();
-        let sample = |z: Pair, j: usize| {
+        let sample = |z: C, j: usize| {
             let mut sum = 0.0;
             for (k, (re, im)) in re.iter().zip(&im).take(bins).enumerate() {
-                let value = z.times(Pair(f64::from(*re), f64::from(*im)));
+                let value = z * C::new(f64::from(*re), f64::from(*im));
                 let at = TAU * f64::from(lowest + k as i32) * j as f64 / size as f64;
-                sum += 2.0 * (value.0 * at.cos() - value.1 * at.sin());
+                sum += 2.0 * (value.re * at.cos() - value.im * at.sin());
             }
             sum
         };
@@ -176,9 +141,7 @@ mod tests {
             error += (sample(z, j) - right(j as f64)).powi(2);
             power += right(j as f64).powi(2);
         }
-        let next = Pair::turn(angle * hop as f64);
-        let shrink = (-decay * hop as f64).exp();
-        let next = z.times(Pair(next.0 * shrink, next.1 * shrink));
+        let next = z * turn(angle * hop as f64) * (-decay * hop as f64).exp();
         let (last, first) =
             (sample(z, hop - 1) - right(hop as f64 - 1.0), sample(next, 0) - right(hop as f64));
         [0.5 * linear_to_db(error / power), linear_to_db((last - first).abs())]
@@ -200,7 +163,6 @@ mod tests {
                     let found = errors(1024, bins, 100.0 + 0.025 * f64::from(k), d, 0.3 * f64::from(k));
                     worst = [0, 1].map(|i| worst[i].max(found[i]));
                 }
-                println!("{bins} bins, d {d}: {:.1} dB, step {:.1} dB", worst[0], worst[1]);
                 assert!(worst[0] < stated[0] + 0.5 && worst[1] < stated[1] + 0.5, "{bins} {d}: {worst:?}");
             }
         }
@@ -213,16 +175,6 @@ mod tests {
                 let [error, _] = errors(size, 5, bin * size as f64 / 1024.0, 20.0, 0.8);
                 assert!(error < -30.0, "{bin} of {size}: {error} dB");
             }
-        }
-    }
-
-    #[test]
-    fn the_inverse_times_the_matrix_is_one() {
-        let matrix = vec![4.0, 1.0, 0.5, 1.0, 3.0, -0.25, 0.5, -0.25, 2.0];
-        let found = inverse(matrix.clone(), 3);
-        for (row, column) in (0..9).map(|k| (k / 3, k % 3)) {
-            let sum: f64 = (0..3).map(|k| matrix[3 * row + k] * found[3 * k + column]).sum();
-            assert!((sum - f64::from(u8::from(row == column))).abs() < 1e-12);
         }
     }
 }

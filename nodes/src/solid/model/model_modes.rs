@@ -86,14 +86,13 @@ pub struct ModelModes;
 /// All modes of a model, damped, with their gains at contact points.
 ///
 /// The response to a unit impulse `J` is `q = (phi . J / omega_d) exp(-d t) sin(omega_d t)`. Radiated pressure follows the velocity of the
-/// mode, so the gain is `phi . J omega_n / omega_d` times the pressure per velocity.
+/// mode, so the gain is `phi . J omega_n / omega_d` times the pressure per velocity, `pressures[mode]`.
 #[must_use]
 pub fn voices(
     model: &ModalModel,
     damping: &DampingModel,
     impulses: &[Vec<f64>],
-    radiance: Radiance,
-    listener: &Listener,
+    pressures: &[f64],
     radiation: bool,
 ) -> Vec<Voice> {
     let mut reach = vec![0.0_f64; model.len()];
@@ -106,7 +105,7 @@ pub fn voices(
         let extra = if radiation { radiation_damping(model, mode) } else { 0.0 };
         let c = damping.c(lambda) + extra;
         let ratio = (lambda / (lambda - 0.25 * c * c).max(f64::MIN_POSITIVE)).sqrt();
-        let factor = ratio * radiance.per_velocity(model, mode, listener);
+        let factor = ratio * pressures[mode];
         let gains = impulses.iter().map(|j| j[mode] * factor).collect();
         Voice { lambda, c, gains, reach: reach * factor.abs(), members: vec![(mode, factor)] }
     };
@@ -114,11 +113,9 @@ pub fn voices(
 }
 
 /// The vertex at which an impulse along the normal gives the most energy of sound over all modes.
-fn loudest_vertex(model: &ModalModel, radiance: Radiance, listener: &Listener) -> u32 {
-    let factors: Vec<f64> =
-        (0..model.len()).map(|mode| radiance.per_velocity(model, mode, listener)).collect();
+fn loudest_vertex(model: &ModalModel, pressures: &[f64]) -> u32 {
     let energy = |vertex: usize| -> f64 {
-        factors.iter().zip(model.surface().along_normal(vertex)).map(|(factor, x)| (factor * x).powi(2)).sum()
+        pressures.iter().zip(model.surface().along_normal(vertex)).map(|(p, x)| (p * x).powi(2)).sum()
     };
     let energies = (0..model.vertices.len()).map(|vertex| (vertex, energy(vertex)));
     energies.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(vertex, _)| vertex as u32)
@@ -172,13 +169,15 @@ impl Func for ModelModes {
     fn eval(p: &ModelModesParams, _: &Build<'_>, mut io: ModelModesIo<'_>) -> Result<Summary, Fault> {
         let (model, material) = (io.model, io.material);
         model.validate().map_err(|e| Fault::new("F078", e).at("model"))?;
-        let listener = Listener::new(model, p.listener, p.distance);
-        let loudest = [loudest_vertex(model, p.radiance, &listener)];
-        let vertices = if p.points.is_empty() && p.vertices.is_empty() { &loudest[..] } else { &p.vertices };
-        let contacts = contacts(model.surface(), &p.points, vertices, &p.directions, p.max_off_surface)
+        let pressures = p.radiance.pressures(model, &Listener::new(model, p.listener, p.distance));
+        let mut vertices = p.vertices.clone();
+        if p.points.is_empty() && vertices.is_empty() {
+            vertices.push(loudest_vertex(model, &pressures));
+        }
+        let contacts = contacts(model.surface(), &p.points, &vertices, &p.directions, p.max_off_surface)
             .map_err(|e| Fault::new("F078", e.to_string()).at("points"))?;
         let impulses: Vec<Vec<f64>> = contacts.iter().map(|c| c.impulses(model.surface())).collect();
-        let all = voices(model, &material.damping, &impulses, p.radiance, &listener, p.radiation_damping);
+        let all = voices(model, &material.damping, &impulses, &pressures, p.radiation_damping);
         let culling = Culling {
             lowest: p.lowest,
             highest: p.highest,

@@ -52,6 +52,12 @@ impl Listener {
 const NEAREST: f64 = 0.01;
 
 impl Radiance {
+    /// Pressure at the listener over the velocity of each mode, as [`per_velocity`](Self::per_velocity).
+    #[must_use]
+    pub fn pressures(self, model: &ModalModel, listener: &Listener) -> Vec<f64> {
+        (0..model.len()).map(|mode| self.per_velocity(model, mode, listener)).collect()
+    }
+
     /// Pressure at the listener over the velocity of the mode, Pa s kg^(-1/2) / m; signed for `VolumeVelocity`.
     ///
     /// # Source

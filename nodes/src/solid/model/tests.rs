@@ -99,7 +99,9 @@ fn gains_are_the_response_to_an_impulse() {
     let impulses = vec![
         contacts(bar.surface(), &[[0.0, 0.015, 0.02]], &[], &[], 0.01).unwrap()[0].impulses(bar.surface()),
     ];
-    let all = voices(&bar, &DAMPING, &impulses, Radiance::Unit, &Listener::new(&bar, None, 1.0), false);
+    let listener = Listener::new(&bar, None, 1.0);
+    let pressures = |radiance: Radiance| radiance.pressures(&bar, &listener);
+    let all = voices(&bar, &DAMPING, &impulses, &pressures(Radiance::Unit), false);
     for (mode, voice) in all.iter().enumerate() {
         assert!((voice.c - DAMPING.c(bar.lambda[mode])).abs() < 1e-12);
         let omega_d = TAU * voice.frequency();
@@ -107,8 +109,7 @@ fn gains_are_the_response_to_an_impulse() {
         assert!((voice.gains[0] / expected - 1.0).abs() < 1e-9);
         assert!(voice.reach >= 0.9 * voice.gains[0].abs());
     }
-    let radiating =
-        voices(&bar, &DAMPING, &impulses, Radiance::Sphere, &Listener::new(&bar, None, 1.0), true);
+    let radiating = voices(&bar, &DAMPING, &impulses, &pressures(Radiance::Sphere), true);
     for (mode, (a, b)) in radiating.iter().zip(&all).enumerate() {
         let expected = radiation_damping(&bar, mode);
         assert!(expected > 0.0 && (a.c - b.c - expected).abs() < 1e-12);
