@@ -32,13 +32,14 @@ fn modes(name: &str, mesh: &TetMesh, highest: f64) {
             let assembled = start.elapsed().as_secs_f64();
             match eigenmodes(mesh, &space, &matrix, &request, &|_| false) {
                 Ok(modes) => println!(
-                    "| {name} | {} | {} | {} of {} below {highest} Hz | {threads} | {assembled:.3} | {:.2} | {:.1e} |",
+                    "| {name} | {} | {} | {} of {} below {highest} Hz | {threads} | {assembled:.3} | {:.2} | {:.1e} | {} |",
                     mesh.tets.len(),
                     matrix.size(),
                     modes.lambda.len(),
                     modes.counted,
                     start.elapsed().as_secs_f64(),
                     modes.residual,
+                    modes.memory >> 20,
                 ),
                 Err(e) => println!("| {name} | {} | {} | {e} |", mesh.tets.len(), matrix.size()),
             }
@@ -88,8 +89,8 @@ fn main() {
     let bytes = std::fs::read(&path).expect("the mesh ships with the examples");
     let marimba = read_tets(&bytes, None).expect("the mesh is valid");
     println!("order 2, tolerance 1e-8; s to assemble, and in all with the counts");
-    println!("| mesh | tetrahedra | unknowns | modes | threads | assemble, s | all, s | residual |");
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("| mesh | tetrahedra | unknowns | modes | threads | assemble, s | all, s | residual | MiB |");
+    println!("|---|---|---|---|---|---|---|---|---|");
     modes("marimba bar", &marimba, 70_000.0);
     let small = block([0.2, 0.02, 0.02], [36, 3, 3]);
     modes("square bar", &small, 200_000.0);

@@ -5,6 +5,49 @@ use rayon::prelude::*;
 
 /// Nodes per task of a product; fixed, so that tasks do not depend on the number of threads.
 const CHUNK: usize = 512;
+/// Vectors that are multiplied at once.
+const LANES: usize = 8;
+
+/// A product of one entry of the matrices with the components of `L` vectors at its column.
+trait Term: Sync {
+    /// Adds the product for entry `k`.
+    fn add<const L: usize>(&self, matrix: &BlockMatrix, k: usize, v: &[[f64; L]; 3], sum: &mut [[f64; L]; 3]);
+}
+
+struct Mass;
+struct Stiffness;
+struct AbsoluteStiffness;
+
+impl Term for Mass {
+    fn add<const L: usize>(&self, matrix: &BlockMatrix, k: usize, v: &[[f64; L]; 3], sum: &mut [[f64; L]; 3]) {
+        let m = matrix.mass[k];
+        for (sum, v) in sum.iter_mut().zip(v) {
+            sum.iter_mut().zip(v).for_each(|(sum, v)| *sum += m * v);
+        }
+    }
+}
+
+impl Term for Stiffness {
+    fn add<const L: usize>(&self, matrix: &BlockMatrix, k: usize, v: &[[f64; L]; 3], sum: &mut [[f64; L]; 3]) {
+        let block = &matrix.stiffness[k];
+        for (row, sum) in block.chunks_exact(3).zip(sum) {
+            for (j, sum) in sum.iter_mut().enumerate() {
+                *sum += row[0] * v[0][j] + row[1] * v[1][j] + row[2] * v[2][j];
+            }
+        }
+    }
+}
+
+impl Term for AbsoluteStiffness {
+    fn add<const L: usize>(&self, matrix: &BlockMatrix, k: usize, v: &[[f64; L]; 3], sum: &mut [[f64; L]; 3]) {
+        let block = &matrix.stiffness[k];
+        for (row, sum) in block.chunks_exact(3).zip(sum) {
+            for (j, sum) in sum.iter_mut().enumerate() {
+                *sum += (0..3).map(|b| (row[b] * v[b][j]).abs()).sum::<f64>();
+            }
+        }
+    }
+}
 
 /// Stiffness `K` as 3 x 3 blocks, and mass `M` as one number per pair of nodes, the same along each axis.
 ///
@@ -42,50 +85,51 @@ impl BlockMatrix {
     /// `M X`.
     #[must_use]
     pub fn mass_times(&self, x: MatRef<'_, f64>) -> Mat<f64> {
-        self.product(x, |k, v, sum| {
-            let m = self.mass[k];
-            (0..3).for_each(|a| sum[a] += m * v[a]);
-        })
+        self.product(x, Mass)
     }
 
     /// `K X`.
     #[must_use]
     pub fn stiffness_times(&self, x: MatRef<'_, f64>) -> Mat<f64> {
-        self.product(x, |k, v, sum| {
-            let block = &self.stiffness[k];
-            (0..3).for_each(|a| {
-                sum[a] += block[3 * a] * v[0] + block[3 * a + 1] * v[1] + block[3 * a + 2] * v[2]
-            });
-        })
+        self.product(x, Stiffness)
     }
 
     /// `|K| |X|`, for bounds of rounding errors.
     #[must_use]
     pub fn absolute_stiffness_times(&self, x: MatRef<'_, f64>) -> Mat<f64> {
-        self.product(x, |k, v, sum| {
-            let block = &self.stiffness[k];
-            (0..3).for_each(|a| sum[a] += (0..3).map(|b| (block[3 * a + b] * v[b]).abs()).sum::<f64>());
-        })
+        self.product(x, AbsoluteStiffness)
     }
 
-    fn product(&self, x: MatRef<'_, f64>, add: impl Fn(usize, [f64; 3], &mut [f64; 3]) + Sync) -> Mat<f64> {
+    fn product(&self, x: MatRef<'_, f64>, term: impl Term) -> Mat<f64> {
         let mut out = Mat::zeros(x.nrows(), x.ncols());
+        for first in (0..x.ncols()).step_by(LANES) {
+            let lanes = LANES.min(x.ncols() - first);
+            let (x, out) = (x.subcols(first, lanes), out.as_mut().subcols_mut(first, lanes));
+            if lanes == 1 { self.lanes::<1>(x, out, &term) } else { self.lanes::<LANES>(x, out, &term) }
+        }
+        out
+    }
+
+    /// Products with at most `L` vectors, whose components are side by side in memory.
+    fn lanes<const L: usize>(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>, term: &impl Term) {
+        let mut packed = vec![[[0.0; L]; 3]; self.nodes()];
+        for j in 0..x.ncols() {
+            let x = x.col(j);
+            packed.iter_mut().enumerate().for_each(|(i, v)| (0..3).for_each(|a| v[a][j] = x[3 * i + a]));
+        }
         out.as_mut().par_row_chunks_mut(3 * CHUNK).enumerate().for_each(
             |(chunk, mut out): (usize, MatMut<'_, f64>)| {
-                for j in 0..x.ncols() {
-                    let x = x.col(j);
-                    for local in 0..out.nrows() / 3 {
-                        let mut sum = [0.0; 3];
-                        for k in self.row(chunk * CHUNK + local) {
-                            let c = 3 * self.columns[k] as usize;
-                            add(k, [x[c], x[c + 1], x[c + 2]], &mut sum);
-                        }
-                        (0..3).for_each(|a| out[(3 * local + a, j)] = sum[a]);
+                for local in 0..out.nrows() / 3 {
+                    let mut sum = [[0.0; L]; 3];
+                    for k in self.row(chunk * CHUNK + local) {
+                        term.add(self, k, &packed[self.columns[k] as usize], &mut sum);
+                    }
+                    for j in 0..out.ncols() {
+                        (0..3).for_each(|a| out[(3 * local + a, j)] = sum[a][j]);
                     }
                 }
             },
         );
-        out
     }
 
     /// The lower triangle of `K - shift M` by columns: first entries, rows and values.

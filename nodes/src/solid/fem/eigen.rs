@@ -57,6 +57,8 @@ pub struct Eigenmodes {
     pub rigid_residual: f64,
     /// Number of vectors that the iteration made.
     pub iterations: usize,
+    /// Most bytes that matrices, factors and vectors took at once.
+    pub memory: u64,
 }
 
 /// Error of the eigenvalue problem.
@@ -182,7 +184,9 @@ fn small(
     let lambda = elastic[..count].to_vec();
     let residuals = residuals(matrix, &lambda, shapes.as_ref());
     let residual = residuals.iter().map(|r| r.relative).fold(0.0, f64::max);
-    Ok(Eigenmodes { lambda, shapes, counted, residual, rigid_residual: 0.0, iterations: 0 })
+    // Both matrices, their factor and the vectors.
+    let memory = 4 * 8 * (matrix.size() as u64).pow(2);
+    Ok(Eigenmodes { lambda, shapes, counted, residual, rigid_residual: 0.0, iterations: 0, memory })
 }
 
 struct Residual {
@@ -244,7 +248,18 @@ impl Solver<'_> {
         let own = self.matrix.bytes();
         let symbolic = Symbolic::new(self.matrix).ok_or_else(|| self.too_large(u64::MAX))?;
         self.allow(own + symbolic.bytes())?;
-        let counted = self.count(&symbolic, self.limit, 0.0)?;
+        let shift = -(TAU * self.request.shift).powi(2);
+        let count = || self.count(&symbolic, self.limit, 0.0);
+        let factorise = || symbolic.cholesky(self.matrix, shift).ok_or(EigenError::Indefinite);
+        // Both factors at once, where the memory and the threads are there.
+        let both = own + 2 * symbolic.bytes();
+        let together = rayon::current_num_threads() > 1 && self.allow(both).is_ok();
+        let (counted, factor) = if together {
+            let (counted, factor) = rayon::join(count, factorise);
+            (counted?, Some(factor?))
+        } else {
+            (count()?, None)
+        };
         if counted == 0 {
             return Err(EigenError::None { highest: self.request.highest });
         }
@@ -263,15 +278,16 @@ impl Solver<'_> {
             };
         }
         let basis_bytes = 8 * (size * (capacity + wanted + 8 * BLOCK) + 4 * capacity * capacity);
-        self.allow(own + symbolic.bytes() + basis_bytes as u64)?;
+        let iterating = own + symbolic.bytes() + basis_bytes as u64;
+        self.allow(iterating)?;
         self.go_on(FACTORED / 2.0)?;
-        let shift = -(TAU * self.request.shift).powi(2);
-        let factor = symbolic.cholesky(self.matrix, shift).ok_or(EigenError::Indefinite)?;
+        let factor = factor.map_or_else(factorise, Ok)?;
         let mut basis = Basis::new(self.matrix, self.rigid, &factor, capacity);
         let mut modes = self.iterate(&mut basis, shift, wanted)?;
         drop(basis);
         drop(factor);
         self.prove(&symbolic, &mut modes, counted)?;
+        modes.memory = if together { iterating.max(both) } else { iterating };
         Ok(modes)
     }
 
@@ -342,6 +358,7 @@ impl Solver<'_> {
                         residual,
                         rigid_residual: 0.0,
                         iterations,
+                        memory: 0,
                     });
                 }
                 tolerance *= 1e-2;

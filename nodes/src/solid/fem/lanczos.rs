@@ -9,6 +9,7 @@ use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Vectors per step: modes of equal frequency appear together up to this number.
 pub(super) const BLOCK: usize = 8;
@@ -16,6 +17,8 @@ pub(super) const BLOCK: usize = 8;
 const ROWS: usize = 4096;
 /// Length after orthogonalisation, relative to that before, at which a vector depends on the others.
 const DEPENDENT: f64 = 1e-12;
+/// Square of the length of a scaled vector after those before it were taken out, below which a Cholesky factor is too inexact.
+const INEXACT: f64 = 1e-10;
 /// Share of the vectors in a block below which one more pass leaves rounding errors only.
 const ORTHOGONAL: f64 = 1e-6;
 /// Maximum number of passes of the orthogonalisation.
@@ -34,6 +37,8 @@ pub(super) struct Basis<'a> {
     vectors: Mat<f64>,
     /// Number of vectors whose images are known.
     len: usize,
+    /// First vector that has a share in the image of the next block: the last two blocks, or all after a restart.
+    coupled: usize,
     /// `V^T M B V`.
     projected: Mat<f64>,
     /// The next block in terms of what is left of the last images.
@@ -66,6 +71,32 @@ pub(super) fn symmetric(matrix: MatRef<'_, f64>) -> Option<(Vec<f64>, Mat<f64>)>
     let scaled = Mat::from_fn(n, n, |i, j| matrix[(i, j)] / scale);
     self_adjoint_evd(scaled.as_ref(), values.as_mut(), u, Par::Seq, stack, Default::default()).ok()?;
     Some((values.column_vector().iter().map(|x| x * scale).collect(), vectors))
+}
+
+/// The upper `R` of a Gram matrix `R^T R`, and its inverse; `None` if the vectors almost depend on each other.
+fn upper_factor(gram: &Mat<f64>) -> Option<(Mat<f64>, Mat<f64>)> {
+    let n = gram.nrows();
+    let (mut r, mut inverse) = (Mat::<f64>::zeros(n, n), Mat::<f64>::zeros(n, n));
+    for j in 0..n {
+        for i in 0..=j {
+            let sum = gram[(i, j)] - (0..i).map(|k| r[(k, i)] * r[(k, j)]).sum::<f64>();
+            if i < j {
+                r[(i, j)] = sum / r[(i, i)];
+            } else if sum > INEXACT * gram[(j, j)] && sum.is_finite() {
+                r[(j, j)] = sum.sqrt();
+            } else {
+                return None;
+            }
+        }
+    }
+    for j in 0..n {
+        inverse[(j, j)] = 1.0 / r[(j, j)];
+        for i in (0..j).rev() {
+            let sum: f64 = (i + 1..=j).map(|k| r[(i, k)] * inverse[(k, j)]).sum();
+            inverse[(i, j)] = -sum / r[(i, i)];
+        }
+    }
+    Some((r, inverse))
 }
 
 /// `A^T B` for tall matrices.
@@ -114,6 +145,7 @@ impl<'a> Basis<'a> {
             factor,
             vectors: Mat::zeros(n, capacity + BLOCK),
             len: 0,
+            coupled: 0,
             projected: Mat::zeros(capacity + BLOCK, capacity + BLOCK),
             coupling: Mat::zeros(BLOCK, BLOCK),
             random: Random::new(0, "lanczos"),
@@ -139,9 +171,9 @@ impl<'a> Basis<'a> {
         Mat::from_fn(self.matrix.size(), columns, |i, j| 2.0 * random.uniform(i as u32, draw, j as u32) - 1.0)
     }
 
-    /// Takes the motions of rigid bodies and the first `known` vectors out of a block; returns the shares of the vectors.
-    fn remove(&self, w: &mut Mat<f64>, known: usize) -> Mat<f64> {
-        let v = self.vectors.as_ref().subcols(0, known);
+    /// Takes the motions of rigid bodies and a range of the vectors out of a block; returns the shares of the vectors.
+    fn remove(&self, w: &mut Mat<f64>, range: Range<usize>) -> Mat<f64> {
+        let v = self.vectors.as_ref().subcols(range.start, range.len());
         let mass = self.matrix.mass_times(w.as_ref());
         let rigid = transposed_product(self.rigid.as_ref(), mass.as_ref());
         let share = transposed_product(v, mass.as_ref());
@@ -152,13 +184,16 @@ impl<'a> Basis<'a> {
 
     /// Appends a block `W = V H + Q R` as the orthonormal `Q`, stores `R` and returns `H`.
     ///
-    /// Vectors of `W` that have almost no part outside of `V` lose their orthogonality when they are scaled, so both are repeated.
-    fn append(&mut self, mut w: Mat<f64>) -> Mat<f64> {
+    /// Only vectors from `coupled` on have a share in `W` apart from rounding errors; these are taken out by a second pass over all vectors.
+    /// Vectors of `W` that have almost no part outside of `V` lose their orthogonality when they are scaled, so passes are repeated.
+    fn append(&mut self, mut w: Mat<f64>, coupled: usize) -> Mat<f64> {
         let known = self.len;
-        let mut shares = self.remove(&mut w, known);
+        let mut shares = Mat::zeros(known, BLOCK);
+        let share = self.remove(&mut w, coupled..known);
+        shares.as_mut().subrows_mut(coupled, known - coupled).copy_from(&share);
         let mut r = self.orthonormalise(&mut w);
         for _ in 0..MAX_PASSES {
-            let share = self.remove(&mut w, known);
+            let share = self.remove(&mut w, 0..known);
             let again = self.orthonormalise(&mut w);
             shares += &share * &r;
             r = again * r;
@@ -172,8 +207,21 @@ impl<'a> Basis<'a> {
         shares
     }
 
-    /// Makes the vectors of a block orthonormal: `W = Q R`. One that depends on the others is replaced by a random one.
+    /// Makes the vectors of a block orthonormal: `W = Q R`.
+    ///
+    /// By the Cholesky factor of `W^T M W`, whose error the next pass removes; vectors that almost depend on each other one by one.
+    ///
+    /// # Source
+    /// Yamamoto, Nakatsukasa, Yanagisawa and Fukaya, "Roundoff error analysis of the CholeskyQR2 algorithm" (ETNA 44, 2015).
     fn orthonormalise(&mut self, w: &mut Mat<f64>) -> Mat<f64> {
+        let gram = transposed_product(w.as_ref(), self.matrix.mass_times(w.as_ref()).as_ref());
+        let Some((r, inverse)) = upper_factor(&gram) else { return self.one_by_one(w) };
+        *w = product(w.as_ref(), inverse.as_ref());
+        r
+    }
+
+    /// [`orthonormalise`](Self::orthonormalise) by Gram and Schmidt. A vector that depends on the others is replaced by a random one.
+    fn one_by_one(&mut self, w: &mut Mat<f64>) -> Mat<f64> {
         let mut r = Mat::zeros(BLOCK, BLOCK);
         for j in 0..BLOCK {
             let mut column = w.as_ref().subcols(j, 1).to_owned();
@@ -217,7 +265,8 @@ impl<'a> Basis<'a> {
         let mut w = self.matrix.mass_times(self.vectors.as_ref().subcols(first, BLOCK));
         self.factor.solve(w.as_mut());
         self.len += BLOCK;
-        let shares = self.append(w);
+        let shares = self.append(w, self.coupled);
+        self.coupled = first;
         for j in 0..BLOCK {
             for i in 0..=first + j {
                 self.projected[(i, first + j)] = shares[(i, j)];
@@ -254,13 +303,15 @@ impl<'a> Basis<'a> {
         self.projected.fill(0.0);
         (0..keep).for_each(|k| self.projected[(k, k)] = ritz.theta[k]);
         self.len = keep;
+        self.coupled = 0;
     }
 
     /// Replaces the next block by random vectors, to find modes that all vectors so far are orthogonal to.
     pub(super) fn stir(&mut self) {
         let mut w = self.matrix.mass_times(self.noise(BLOCK).as_ref());
         self.factor.solve(w.as_mut());
-        self.append(w);
+        self.append(w, 0);
+        self.coupled = 0;
     }
 
     /// The first `count` Ritz vectors, improved by one multiplication with `B`, whose result the basis contains.
