@@ -71,6 +71,7 @@ fn main() {
         let paper = FitOptions::paper(Family::Rayleigh);
         let Ok(found) = fit(&points, &paper) else { return };
         let row = |what: &str, ms: f64| println!("| {n} | {what} | {ms:.3} |");
+        println!("| {n} | evaluations of the scan: {} | |", found.effort.evaluations);
         row("scan and polish, Rayleigh", best(|| fit(&points, &paper)));
         row("from the optimum of other data (live)", best(|| refit(&found, &found.sample)));
         row(

@@ -4,7 +4,7 @@ use super::lbfgs::lbfgs;
 use super::least_squares::LeastSquares;
 use super::likelihood::{ETA, Excess, Likelihood};
 use super::lower_bound::lower_bound;
-use super::newton::newton;
+use super::newton::{Stop, newton};
 use super::point::{DampingPoint, EstimationError, Sample};
 use super::reference;
 use super::scan::{Effort, LocalMaximum, scan};
@@ -303,7 +303,7 @@ fn from_starts(
         .map(|mut z| {
             let rough = lbfgs(|z, g| likelihood.gradient(z, g), &bounds, &mut z, 1e-4, ROUGH_STEPS);
             effort.add(rough.steps, rough.evaluations);
-            let out = newton(&mut likelihood.clone(), &bounds, &mut z, 1e-12, 60);
+            let out = newton(&mut likelihood.clone(), &bounds, &mut z, Stop::Gradient(1e-12), 60);
             effort.add(out.steps, out.evaluations);
             LocalMaximum { z, value: out.value, gradient: out.gradient }
         })

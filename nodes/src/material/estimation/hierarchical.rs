@@ -3,7 +3,7 @@
 use super::fit::{FitOptions, fit};
 use super::likelihood::{ETA, Likelihood};
 use super::linear::inverse;
-use super::newton::{Objective, newton};
+use super::newton::{Objective, Stop, newton};
 use super::point::{DampingPoint, EstimationError};
 
 /// Standard deviation of the logarithm of support rates over recordings.
@@ -163,7 +163,7 @@ pub fn fit_hierarchical(
     z.resize(next, plain.z[mean]);
     let (mut information, mut iterations) = (Vec::new(), 0);
     for _ in 0..20 {
-        iterations += newton(&mut joint, &bounds, &mut z, 1e-11, 100).steps;
+        iterations += newton(&mut joint, &bounds, &mut z, Stop::Gradient(1e-11), 100).steps;
         let (mut g, mut h) = (vec![0.0; next], vec![0.0; next * next]);
         joint.derivatives(&z, &mut g, &mut h);
         information = h.iter().map(|h| -h * joint.total).collect();

@@ -17,6 +17,15 @@ const MIN_LENGTH: f64 = 1e-9;
 /// Relative gain below which a value says nothing.
 const ROUNDING: f64 = 1e-13;
 
+/// When an ascent ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Stop {
+    /// When the largest component of the projected gradient is at most this.
+    Gradient(f64),
+    /// When a Newton step is expected to gain at most this; the step is taken, and its gain is not evaluated.
+    Gain(f64),
+}
+
 /// Result of an ascent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Ascent {
@@ -44,7 +53,8 @@ pub(crate) fn projected_norm(z: &[f64], gradient: &[f64], bounds: &[[f64; 2]]) -
 /// Maximises a function from `z` on, in place: Newton steps in the free variables, damped where the Hessian is not negative definite,
 /// with backtracking (Armijo, 1e-4) along the projected step.
 ///
-/// Ends when the projected gradient is below `tolerance`, when a step gains nothing, or after `max_steps`.
+/// Ends by `stop`, when a step gains nothing, or after `max_steps`. A step costs one evaluation of value and derivatives unless it has to be
+/// shortened.
 ///
 /// # Source
 /// Bertsekas, "Projected Newton methods for optimization problems with simple constraints" (SIAM J. Control Optim. 20(2), 1982).
@@ -52,10 +62,14 @@ pub(crate) fn newton(
     objective: &mut impl Objective,
     bounds: &[[f64; 2]],
     z: &mut [f64],
-    tolerance: f64,
+    stop: Stop,
     max_steps: usize,
 ) -> Ascent {
     let n = z.len();
+    let (tolerance, enough) = match stop {
+        Stop::Gradient(tolerance) => (tolerance, 0.0),
+        Stop::Gain(gain) => (0.0, gain),
+    };
     let (mut g, mut h) = (vec![0.0; n], vec![0.0; n * n]);
     let (mut next_g, mut next_h) = (vec![0.0; n], vec![0.0; n * n]);
     let (mut trial, mut direction) = (vec![0.0; n], Vec::with_capacity(n));
@@ -90,6 +104,14 @@ pub(crate) fn newton(
                     trial[i] = (z[i] + length * d).clamp(bounds[i][0], bounds[i][1]);
                 }
                 let gain: f64 = (0..n).map(|i| g[i] * (trial[i] - z[i])).sum();
+                let inside =
+                    || free.iter().zip(&direction).all(|(&i, d)| (trial[i] - z[i] - d).abs() <= 1e-9 * d.abs());
+                if gain > 0.0 && 0.5 * gain <= enough && length == 1.0 && damping == 0.0 && inside() {
+                    z.copy_from_slice(&trial);
+                    out.value += 0.5 * gain;
+                    out.steps += 1;
+                    break 'steps;
+                }
                 if gain <= ROUNDING * out.value.abs().max(1.0) {
                     // The value has no digits left for such a step; the gradient has.
                     let next = objective.derivatives(&trial, &mut next_g, &mut next_h);
@@ -105,12 +127,24 @@ pub(crate) fn newton(
                     out.steps += 1;
                     continue 'steps;
                 }
-                let next = objective.value(&trial);
+                // Full steps are accepted as a rule, and need derivatives next.
+                let full = length == 1.0;
+                let next = if full {
+                    objective.derivatives(&trial, &mut next_g, &mut next_h)
+                } else {
+                    objective.value(&trial)
+                };
                 out.evaluations += 1;
                 if next.is_finite() && next >= out.value + 1e-4 * gain {
                     z.copy_from_slice(&trial);
-                    out.value = objective.derivatives(z, &mut g, &mut h);
-                    out.evaluations += 1;
+                    if full {
+                        (g, next_g) = (next_g, g);
+                        (h, next_h) = (next_h, h);
+                        out.value = next;
+                    } else {
+                        out.value = objective.derivatives(z, &mut g, &mut h);
+                        out.evaluations += 1;
+                    }
                     out.steps += 1;
                     damping = if length == 1.0 && damping > 1e-9 { damping * 0.1 } else { 0.0 };
                     continue 'steps;
@@ -147,10 +181,10 @@ mod tests {
     #[test]
     fn a_bent_valley_is_climbed_to_its_top_and_to_a_bound() {
         let mut z = [-1.2, 1.0];
-        let out = newton(&mut Valley, &[[-5.0, 5.0]; 2], &mut z, 1e-12, 100);
+        let out = newton(&mut Valley, &[[-5.0, 5.0]; 2], &mut z, Stop::Gradient(1e-12), 100);
         assert!((z[0] - 1.0).abs() < 1e-12 && (z[1] - 1.0).abs() < 1e-12, "{z:?} {out:?}");
         let mut z = [-1.2, 1.0];
-        newton(&mut Valley, &[[-5.0, 0.5], [-5.0, 5.0]], &mut z, 1e-12, 100);
+        newton(&mut Valley, &[[-5.0, 0.5], [-5.0, 5.0]], &mut z, Stop::Gradient(1e-12), 100);
         assert!(z[0] == 0.5 && (z[1] - 0.25).abs() < 1e-12, "{z:?}");
     }
 }

@@ -3,7 +3,7 @@
 use super::emg::Emg;
 use super::fit::{Fit, start_at_lower_bound};
 use super::linear::inverse;
-use super::newton::newton;
+use super::newton::{Stop, newton};
 use super::point::{DampingPoint, Sample, recordings};
 use crate::core::random::Rng;
 use crate::material::statistics::normal::normal_quantile;
@@ -135,7 +135,7 @@ pub fn profile(fit: &Fit, j: usize) -> Option<[f64; 2]> {
         fixed[j] = [at; 2];
         z[j] = at;
         let mut from = z.clone();
-        let out = newton(&mut likelihood.clone(), &fixed, &mut from, 1e-10, 50);
+        let out = newton(&mut likelihood.clone(), &fixed, &mut from, Stop::Gradient(1e-10), 50);
         z.copy_from_slice(&from);
         2.0 * (fit.log_likelihood - total * out.value) - CHI_SQUARE_95
     };
@@ -197,7 +197,7 @@ pub(super) fn optimum(fit: &Fit, sample: &Sample) -> Option<Vec<f64>> {
     }
     let mut best: Option<(f64, Vec<f64>)> = None;
     for mut z in starts {
-        let out = newton(&mut likelihood, &bounds, &mut z, 1e-7, 60);
+        let out = newton(&mut likelihood, &bounds, &mut z, Stop::Gradient(1e-7), 60);
         if out.value.is_finite() && best.as_ref().is_none_or(|b| out.value > b.0) {
             best = Some((out.value, z));
         }
