@@ -17,6 +17,10 @@ const SPURIOUS: f64 = 0.05;
 /// Range of their dampings, 1/s.
 const BACKGROUND: [f64; 2] = [0.5, 2000.0];
 
+/// Geometric mean of an exponential distribution of mean 1, `exp(-0.5772)`. Differences in dB are least for it: the mean would make most
+/// modes decay too fast.
+const GEOMETRIC_MEAN: f64 = 0.561_459_483_566_885_2;
+
 /// One take of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Take {
@@ -70,9 +74,10 @@ impl Candidate {
         })
     }
 
-    /// Decay rate `d` in 1/s of a mode of the material on its mean support: `(c + 1/eta) / 2`.
+    /// Decay rate `d` in 1/s of a mode of the material on a usual support: `(c + g/eta) / 2`, where `g/eta` is the geometric mean of
+    /// exponential dampings.
     fn decay(&self, feature: &Feature) -> f64 {
-        0.5 * (self.model.c((TAU * feature.freq_hz).powi(2)) + self.support)
+        0.5 * (self.model.c((TAU * feature.freq_hz).powi(2)) + GEOMETRIC_MEAN * self.support)
     }
 
     /// Mean log-likelihood of points, with 5 % of spurious ones.
@@ -132,8 +137,9 @@ impl HeldOut {
 /// Leaves each take of each object out once.
 ///
 /// The candidates are the material fitted to the other takes of the object, those fitted to all takes of each other object, and `given`
-/// ones. The take's frequencies, amplitudes and phases are resynthesised with the decay rates of each, and compared with its sound. Takes
-/// without a fit of the others, or without features, are left out.
+/// ones. The take's frequencies, amplitudes and phases are resynthesised with the decay rates of each, and compared with its sound. What
+/// the take's own modes leave of its sound, as the click of the impact, is added to each resynthesis, so that the distance is that of the
+/// decays alone. Takes without a fit of the others, or without features, are left out.
 ///
 /// # Complexity
 /// One mixture fit for each take and object, and one resynthesis for each take and candidate, in parallel.
@@ -153,9 +159,13 @@ pub fn held_out(objects: &[KnockedObject], given: &[Candidate]) -> Vec<HeldOut> 
         if points.is_empty() {
             return None;
         }
+        let modes = &take.features.features;
+        let own = resynthesis(modes, take.rate, take.sound.len(), |f| f.decay);
+        let rest: Vec<f64> = take.sound.iter().zip(&own).map(|(x, own)| x - own).collect();
         let score = |(k, candidate): (usize, &Candidate)| {
             let decay = |f: &Feature| candidate.decay(f);
-            let audio = resynthesis(&take.features.features, take.rate, take.sound.len(), decay);
+            let mut audio = resynthesis(modes, take.rate, take.sound.len(), decay);
+            audio.iter_mut().zip(&rest).for_each(|(x, rest)| *x += rest);
             Score {
                 candidate: candidate.name.clone(),
                 right: k == 0,

@@ -9,10 +9,12 @@ use crate::core::node::{Func, Summary};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
+use crate::material::points::gate::cluster;
 use crate::plot::{Chart, Line};
 use crate::table::ResultTable;
 use crate::{params, ports};
 use rayon::prelude::*;
+use std::f64::consts::TAU;
 
 params! {
     /// What spurious features cost estimators: median errors of both parameters of a Rayleigh curve over many simulated data sets.
@@ -95,6 +97,9 @@ pub fn median_errors(
                 }
             }
             points.iter_mut().for_each(|p| p.c = p.c.max(0.5));
+            // As a gate does for the features of one object.
+            let frequencies: Vec<(usize, f64)> = points.iter().map(|p| (0, p.lambda.sqrt() / TAU)).collect();
+            cluster(&mut points, &frequencies);
             ESTIMATORS.map(|e| e.estimate(&points).map(|found| relative_errors(found, [a1, a2])))
         })
         .collect();
