@@ -8,6 +8,7 @@ pub mod scene;
 
 use foley::diag::{Diagnostic, render};
 use foley::graph::{DirFiles, Graph, Limits, LoadOptions, load, load_text};
+use foley::memo::{CachePolicy, Memo};
 use foley::plan::{Plan, PlanOptions};
 use foley::run::{DirOutputs, Job, Progress, Report, TapTarget, check_tap, run};
 use foley_nodes::core::time::{Tick, ticks};
@@ -15,6 +16,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Caches every stream that can be cached.
+pub const ALL: CachePolicy =
+    CachePolicy { seconds_per_byte: 0.0, min_seconds: 0.0, read_seconds_per_byte: 0.0, max_nodes: 1000 };
 
 /// The folder of the example graphs.
 pub fn graphs() -> PathBuf {
@@ -28,7 +33,7 @@ pub fn all_graphs() -> Vec<PathBuf> {
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            if path.is_dir() && !path.ends_with("assets") {
+            if path.is_dir() && !path.ends_with("assets") && !path.ends_with("materials") {
                 folders.push(path);
             } else if path.extension().is_some_and(|e| e == "ron") {
                 found.push(path);
@@ -97,6 +102,18 @@ pub fn run_unmeasured(
     taps: &[String],
     out: &Path,
 ) -> Result<Report, String> {
+    run_cached(graph, files, options, taps, None, out)
+}
+
+/// The same with a cache.
+fn run_cached(
+    graph: &Graph,
+    files: &DirFiles,
+    options: &PlanOptions,
+    taps: &[String],
+    memo: Option<&Memo>,
+    out: &Path,
+) -> Result<Report, String> {
     let text = |e: Vec<Diagnostic>| render(&e, &graph.sources, false);
     let taps = taps.iter().map(|tap| check_tap(graph, tap).map_err(|e| text(vec![e])));
     let mut taps = taps.collect::<Result<Vec<_>, _>>()?;
@@ -116,7 +133,7 @@ pub fn run_unmeasured(
         taps: &taps,
         threads: options.threads,
         seed: graph.seed,
-        memo: None,
+        memo,
         progress: Arc::new(Progress::default()),
     };
     run(&job).map_err(text)
@@ -124,9 +141,22 @@ pub fn run_unmeasured(
 
 /// A run of an example graph, from its file.
 pub fn run_file(path: &Path, options: &PlanOptions, out: &Path) -> Result<Report, String> {
+    run_file_cached(path, options, None, out)
+}
+
+/// The same with a cache.
+pub fn run_file_cached(
+    path: &Path,
+    options: &PlanOptions,
+    memo: Option<&Memo>,
+    out: &Path,
+) -> Result<Report, String> {
     let loaded = load(path, &LoadOptions::default());
     let graph = loaded.graph.ok_or_else(|| render(&loaded.diagnostics, &loaded.sources, false))?;
-    run_graph(&graph, &DirFiles::new(loaded.root, Limits::default()), options, out)
+    let report = run_cached(&graph, &DirFiles::new(loaded.root, Limits::default()), options, &[], memo, out)?;
+    let (there, planned) = (report.buffer_bytes, report.planned_bytes);
+    assert!(there <= planned, "{there} bytes of buffers, planned {planned}");
+    Ok(report)
 }
 
 /// A file or folder of the data beside the repository, if it exists; `FOLEY_DATA` names another folder.

@@ -1,20 +1,15 @@
 //! The promises of the cache for streams: the last streams of an expensive part are cached, only nodes downstream of an edit run
 //! again, and no result depends on the cache.
 
-use crate::common;
+use crate::common::ALL;
 use crate::common::project::{MODEL, Project, cached, calls, foley, warned};
-use foley::graph::{DirFiles, Limits, LoadOptions, load};
-use foley::memo::{CachePolicy, MEMORY, Memo};
-use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Report, run};
+use foley::memo::{CachePolicy, MEMORY};
+use foley::plan::PlanOptions;
+use foley::run::Report;
 use foley_nodes::core::time::ticks;
 use std::fs;
 use std::path::PathBuf;
-use std::sync::Arc;
 
-/// Caches every stream that can be cached.
-const ALL: CachePolicy =
-    CachePolicy { seconds_per_byte: 0.0, min_seconds: 0.0, read_seconds_per_byte: 0.0, max_nodes: 1000 };
 /// Caches only expensive streams, of any size: contacts, in the graphs of these tests.
 const EXPENSIVE: CachePolicy =
     CachePolicy { seconds_per_byte: 8e-9, min_seconds: 0.01, read_seconds_per_byte: 2.5e-9, max_nodes: 1000 };
@@ -260,41 +255,4 @@ fn the_command_lists_cached_streams() {
     project.edit(&MODEL.replace("radius: 0.02", "radius: 0.03"));
     let text = why();
     assert!(text.contains("not kept") && text.contains("radius: 0.02 -> 0.03"), "{text}");
-}
-
-#[test]
-fn every_example_is_the_same_with_all_its_streams_cached() {
-    for path in common::all_graphs().into_iter().filter(|path| common::is_whole(path)) {
-        let dir = tempfile::tempdir().unwrap();
-        let until = common::cut(&path, 0.6);
-        let runs: Vec<_> = (0..3)
-            .map(|k| {
-                let loaded = load(&path, &LoadOptions::default());
-                let graph = loaded.graph.unwrap();
-                let files_of = DirFiles::new(loaded.root, Limits::default());
-                let options = PlanOptions { until, threads: 2, min_region_ns: 1e4, ..PlanOptions::default() };
-                let plan = Plan::new(&graph, &files_of, &options).unwrap();
-                let out = dir.path().join(format!("out{k}"));
-                let memo = Memo::new(dir.path().join("cache"), 1 << 30, &path).with_policy(ALL);
-                let outputs = DirOutputs::new(&out);
-                let job = Job {
-                    graph: &graph,
-                    plan: &plan,
-                    files: &files_of,
-                    outputs: &outputs,
-                    taps: &[],
-                    threads: 2,
-                    seed: graph.seed,
-                    memo: (k > 0).then_some(&memo),
-                    progress: Arc::new(Progress::default()),
-                };
-                let report = run(&job).unwrap();
-                let cached = report.nodes.iter().filter(|n| n.cached).count();
-                assert!(report.notes.iter().all(|(_, note)| !note.contains("F08")), "{:?}", report.notes);
-                (common::files_below(&out), cached)
-            })
-            .collect();
-        assert!(runs[0].0 == runs[1].0 && runs[1].0 == runs[2].0, "{}", path.display());
-        assert!(runs[2].1 > 0, "{}", path.display());
-    }
 }

@@ -117,7 +117,7 @@ fn an_analysis_that_takes_long_reports_its_progress_and_is_cancelled() {
     let text = r#"Graph(nodes: {
     "mesh": RevolvedMesh(profile: [[0.0, 0.0], [0.3, 0.0]], thickness: [0.002], around: 60, along: 20),
     "model": ModalAnalysis(mesh: "mesh", young: 200e9, poisson: 0.3, density: 7850, highest: 20000),
-    "steel": MaterialFile(path: "graphs/assets/materials/steel_wrench.material.ron"),
+    "steel": MaterialFile(path: "graphs/lib/materials/steel_wrench.material.ron"),
     "modes": ModelModes(model: "model", material: "steel", points: [[0.1, 0.0, 0.0]]),
     "force": Tone(frequency: 5.0, rate: 8000, duration: Some(0.1)),
     "bank": ModalBank(forces: ["force"], modes: "modes.modes"),
