@@ -5,6 +5,8 @@
 
 mod common;
 
+use common::counter::Counter;
+use foley::Registry;
 use foley::graph::{DirFiles, Limits, LoadOptions, load_text};
 use foley::live::{Callback, LiveGraph, Options, Player, PlayerEvent};
 use foley_nodes::core::input::NoInputs;
@@ -52,7 +54,8 @@ static ALLOCATOR: Counting = Counting;
 
 fn material(text: &str) -> LiveGraph {
     let path = common::graphs().join("basics/test.ron");
-    let loaded = load_text("test", text, &path, &LoadOptions::default());
+    let registry = Arc::new(Registry::standard().with::<Counter>());
+    let loaded = load_text("test", text, &path, &LoadOptions::default().registry(registry));
     let shown = foley::diag::render(&loaded.diagnostics, &loaded.sources, false);
     let graph = loaded.graph.unwrap_or_else(|| panic!("{shown}\n{text}"));
     let files = DirFiles::new(loaded.root, Limits::default());
@@ -119,13 +122,22 @@ impl Stand {
     fn play(&mut self, blocks: usize) {
         for _ in 0..blocks {
             self.player.pump();
-            let before = CALLS.get();
-            self.callback.fill(&mut self.block);
-            self.calls += CALLS.get() - before;
-            self.blocks += 1;
-            for reported in self.player.tick() {
-                assert!(!matches!(reported, PlayerEvent::Failed(_)), "{reported:?}");
-            }
+            self.fill();
+        }
+    }
+
+    /// Plays blocks without the workers.
+    fn starve(&mut self, blocks: usize) {
+        (0..blocks).for_each(|_| self.fill());
+    }
+
+    fn fill(&mut self) {
+        let before = CALLS.get();
+        self.callback.fill(&mut self.block);
+        self.calls += CALLS.get() - before;
+        self.blocks += 1;
+        for reported in self.player.tick() {
+            assert!(!matches!(reported, PlayerEvent::Failed(_)), "{reported:?}");
         }
     }
 
@@ -149,6 +161,25 @@ fn ten_thousand_blocks_with_two_hundred_edits_never_call_the_allocator() {
     assert_eq!(stand.calls, 0, "calls of the allocator in {} blocks", stand.blocks);
     assert_eq!(stand.player.shared().meter.missed.load(Relaxed), 0);
     assert_eq!(stand.player.shared().meter.not_finite.load(Relaxed), 0);
+}
+
+#[test]
+fn late_events_never_call_the_allocator() {
+    let mut stand = Stand::new(
+        "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"beats\": Metronome(interval: 0.001),
+        \"counted\": Counter(beats: \"beats\"),
+        \"clicks\": Impulses(events: \"counted\", rate: 44100),
+        \"out\": WavOut(audio: \"clicks\", path: \"o.wav\") })",
+    );
+    for missed in [50, 1000] {
+        stand.play(10);
+        stand.starve(missed);
+    }
+    stand.play(10);
+    let meter = &stand.player.shared().meter;
+    assert!(meter.missed.load(Relaxed) > 1000 && meter.lost_events.load(Relaxed) > 0);
+    assert_eq!(stand.calls, 0);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Functions shared by the tests of whole graphs.
 #![allow(dead_code)]
 
+pub mod counter;
 pub mod figure;
 pub mod grown;
 pub mod project;

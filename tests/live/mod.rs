@@ -2,6 +2,7 @@
 
 mod commands;
 mod incoming;
+mod late_events;
 mod playback;
 mod recovery;
 mod soak;

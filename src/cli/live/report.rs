@@ -114,6 +114,7 @@ impl Session<'_> {
                 "latency_s": seconds(plan.latency),
                 "callback": times(&meter.callback),
                 "missed": meter.missed.load(Relaxed),
+                "lost_events": meter.lost_events.load(Relaxed),
                 "overruns": meter.overruns.load(Relaxed),
                 "late": status.late.load(Relaxed),
                 "lost_windows": status.lost_windows.load(Relaxed),

@@ -210,11 +210,13 @@ impl Callback {
     fn run_stage(&mut self) {
         let CallbackStage { stage, links, times, .. } = &mut self.current;
         stage.advance(window_start(self.rate, self.quantum, self.window + 1));
-        let mut missed = 0;
+        let (mut missed, mut lost_events) = (0, 0);
         for link in links {
-            missed += u64::from(!link.receive(stage, self.window));
+            let received = link.receive(stage, self.window);
+            missed += u64::from(received.missed);
+            lost_events += received.lost_events;
         }
-        self.shared.meter.count_missed(missed);
+        self.shared.meter.count_missed(missed, lost_events);
         if let Err((node, fault)) = stage.run() {
             self.shared.failed.store(true, Relaxed);
             // If the ring is full, it holds other faults already; to drop this one here would free its text.

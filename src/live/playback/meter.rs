@@ -90,6 +90,8 @@ pub struct Meter {
     pub callback: Histogram,
     /// Dropouts: windows of workers that did not arrive in time.
     pub missed: AtomicU64,
+    /// Events of windows that did not arrive in time for which there was no room later.
+    pub lost_events: AtomicU64,
     /// Windows in a row, up to now, in which something did not arrive in time.
     pub missed_in_a_row: AtomicU64,
     /// Windows that took longer to compute than they last.
@@ -117,8 +119,11 @@ impl Meter {
         f32::from_bits(self.loudest.load(Relaxed))
     }
 
-    /// Counts the windows of workers that one window of the callback has missed.
-    pub(super) fn count_missed(&self, missed: u64) {
+    /// Counts the windows of workers that one window of the callback has missed, and the late events that are lost.
+    pub(super) fn count_missed(&self, missed: u64, lost_events: u64) {
+        if lost_events > 0 {
+            self.lost_events.fetch_add(lost_events, Relaxed);
+        }
         if missed == 0 {
             self.missed_in_a_row.store(0, Relaxed);
         } else {

@@ -1,14 +1,20 @@
 //! Rings that pass finished windows from a worker to the callback, and empty buffers back.
+//!
+//! A window that arrives too late is lost if it is of a stream: silence has replaced it. If it is of events, these move to the first tick
+//! of the next window of the callback.
 
-use foley_nodes::core::buffer::{AnyBuffer, StreamBuffer};
+use foley_nodes::core::buffer::{AnyBuffer, LateEvents, StreamBuffer};
 use foley_nodes::core::stage::Stage;
 use foley_nodes::dsp::Dropout;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-/// One window of one output.
+/// One window of one output, or late events.
 pub struct FinishedWindow {
-    window: u64,
+    /// The window; `None` if the buffer holds the events of windows that were not sent in time.
+    window: Option<u64>,
     buffer: Box<dyn AnyBuffer>,
+    /// Events that the worker has left out for want of room.
+    lost: u64,
 }
 
 /// The end at the worker.
@@ -17,6 +23,14 @@ pub struct RingSender {
     clock: usize,
     full: Producer<FinishedWindow>,
     empty: Consumer<Box<dyn AnyBuffer>>,
+    late: Option<LateWindows>,
+}
+
+/// Events of windows that could not be sent in time; streams have none.
+struct LateWindows {
+    buffer: Box<dyn AnyBuffer>,
+    /// Numbers of events in it, and of those for which there was no room.
+    events: LateEvents,
 }
 
 /// The end at the callback.
@@ -26,6 +40,15 @@ pub struct RingReceiver {
     full: Consumer<FinishedWindow>,
     empty: Producer<Box<dyn AnyBuffer>>,
     dropout: Option<Dropout>,
+}
+
+/// What a receiver did for one window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Received {
+    /// True if a window was due and had not arrived.
+    pub missed: bool,
+    /// Late events for which there was no room.
+    pub lost_events: u64,
 }
 
 /// Makes a ring of `depth` windows, from buffer and clock of both sides; `make` makes an empty buffer.
@@ -43,37 +66,73 @@ pub fn ring(
         // The ring has `depth` slots.
         let _ = empty_in.push(make());
     }
+    let late = make();
+    // Only buffers of events grow.
+    let late = late.grows().then(|| LateWindows { buffer: late, events: LateEvents::default() });
     (
-        RingSender { buffer: sender.0, clock: sender.1, full: full_in, empty: empty_out },
+        RingSender { buffer: sender.0, clock: sender.1, full: full_in, empty: empty_out, late },
         RingReceiver { buffer: receiver.0, clock: receiver.1, full: full_out, empty: empty_in, dropout },
     )
 }
 
 impl RingSender {
-    /// Returns true if another window fits.
+    /// Returns true if another window fits, after late events.
     #[must_use]
     pub fn has_room(&self) -> bool {
-        !self.empty.is_empty() && !self.full.is_full()
+        let late = self.late.as_ref().is_some_and(|late| late.events != LateEvents::default());
+        // There are as many buffers as slots.
+        self.empty.slots() > usize::from(late)
     }
 
-    /// Sends the current window of a stage.
+    /// Sends the current window of a stage; without room it is late.
     pub fn send(&mut self, stage: &Stage, window: u64) {
+        self.send_late_events();
+        match self.empty.pop() {
+            Ok(mut buffer) => {
+                stage.export(self.buffer, self.clock, &mut *buffer);
+                let _ = self.full.push(FinishedWindow { window: Some(window), buffer, lost: 0 });
+            }
+            Err(_) => self.send_late(stage),
+        }
+    }
+
+    /// Sends the events of the current window of a stage, which is late, as soon as the ring is empty, so that windows in time have room,
+    /// or with the next window in time; nothing of a stream.
+    pub fn send_late(&mut self, stage: &Stage) {
+        let Some(late) = &mut self.late else { return };
+        let span = stage.span(self.clock);
+        let events =
+            stage.with_buffer(self.buffer, |buffer| late.buffer.append_late(buffer, span.from, span.to));
+        late.events.added += events.added;
+        late.events.lost += events.lost;
+        if self.empty.slots() == self.empty.buffer().capacity() {
+            self.send_late_events();
+        }
+    }
+
+    fn send_late_events(&mut self) {
+        let Some(late) = self.late.as_mut().filter(|late| late.events != LateEvents::default()) else {
+            return;
+        };
         if let Ok(mut buffer) = self.empty.pop() {
-            stage.export(self.buffer, self.clock, &mut *buffer);
-            // There are as many buffers as slots.
-            let _ = self.full.push(FinishedWindow { window, buffer });
+            buffer.restart(0);
+            std::mem::swap(&mut buffer, &mut late.buffer);
+            let lost = std::mem::take(&mut late.events).lost;
+            let _ = self.full.push(FinishedWindow { window: None, buffer, lost });
         }
     }
 }
 
 impl RingReceiver {
-    /// Takes a window into a stage; if it has not arrived, pads with silence and returns false.
-    pub fn receive(&mut self, stage: &mut Stage, window: u64) -> bool {
+    /// Takes a window into a stage, after events that are late; if it has not arrived, pads with silence.
+    pub fn receive(&mut self, stage: &mut Stage, window: u64) -> Received {
         let span = stage.span(self.clock);
-        while self.full.peek().is_ok_and(|finished| finished.window < window) {
-            self.recycle();
+        let mut lost_events = 0;
+        // `None` is before any window.
+        while self.full.peek().is_ok_and(|finished| finished.window < Some(window)) {
+            lost_events += self.receive_late(stage);
         }
-        let arrived = self.full.peek().is_ok_and(|finished| finished.window == window);
+        let arrived = self.full.peek().is_ok_and(|finished| finished.window == Some(window));
         if let (true, Ok(finished)) = (arrived, self.full.pop()) {
             stage.import(self.buffer, self.clock, &*finished.buffer);
             let _ = self.empty.push(finished.buffer);
@@ -88,7 +147,7 @@ impl RingReceiver {
                 if arrived { dropout.sound(items) } else { dropout.gap(items) }
             });
         }
-        arrived || span.full == span.from
+        Received { missed: !arrived && span.full > span.from, lost_events }
     }
 
     /// Continues the ring of another receiver.
@@ -98,9 +157,129 @@ impl RingReceiver {
         std::mem::swap(&mut self.dropout, &mut old.dropout);
     }
 
-    fn recycle(&mut self) {
-        if let Ok(finished) = self.full.pop() {
-            let _ = self.empty.push(finished.buffer);
+    /// Takes the events of a late window, and returns the number of those that are lost.
+    fn receive_late(&mut self, stage: &mut Stage) -> u64 {
+        let Ok(finished) = self.full.pop() else { return 0 };
+        let late = stage
+            .with_buffer_mut(self.buffer, |buffer| buffer.append_late(&*finished.buffer, i64::MIN, i64::MAX));
+        let _ = self.empty.push(finished.buffer);
+        finished.lost + late.lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foley_nodes::core::buffer::{Budget, EventBuffer};
+    use foley_nodes::core::stage::Clock;
+
+    /// Ticks of a window.
+    const WINDOW: i64 = 10;
+
+    /// A stage that has a buffer of events and nothing else.
+    fn stage() -> Stage {
+        let clock = Clock { rate: None, delay: 0, end: None, from: 0 };
+        Stage::new(
+            vec![Box::new(EventBuffer::<u32>::new(WINDOW, &Budget::default()))],
+            vec![clock],
+            Vec::new(),
+        )
+    }
+
+    /// A worker and a callback with a ring of 2 windows between them.
+    struct Pair {
+        worker: Stage,
+        callback: Stage,
+        sender: RingSender,
+        receiver: RingReceiver,
+    }
+
+    impl Pair {
+        fn new() -> Self {
+            let (worker, callback) = (stage(), stage());
+            let make = || worker.with_buffer(0, |buffer| buffer.sibling(0));
+            let (sender, receiver) = ring(2, (0, 0), (0, 0), None, make);
+            Self { worker, callback, sender, receiver }
         }
+
+        /// Runs a window of the worker, in which the events are at the last ticks.
+        fn work(&mut self, window: u64, events: &[u32], in_time: bool) {
+            let end = (window as i64 + 1) * WINDOW;
+            self.worker.advance(end);
+            self.worker.with_buffer_mut(0, |buffer| {
+                let buffer = buffer.typed_mut::<EventBuffer<u32>>().unwrap();
+                let ticks = end - events.len() as i64..;
+                ticks.zip(events).for_each(|(tick, event)| buffer.push(tick.max(end - WINDOW), *event));
+                buffer.advance(end);
+            });
+            if in_time {
+                self.sender.send(&self.worker, window);
+            } else {
+                self.sender.send_late(&self.worker);
+            }
+        }
+
+        /// Receives a window: its events by their ticks after its start, and what the receiver reports.
+        fn play(&mut self, window: u64) -> (Vec<(i64, u32)>, Received) {
+            let from = window as i64 * WINDOW;
+            self.callback.advance(from + WINDOW);
+            let received = self.receiver.receive(&mut self.callback, window);
+            let events = self.callback.with_buffer(0, |buffer| {
+                let buffer = buffer.typed::<EventBuffer<u32>>().unwrap();
+                buffer.view(from, from + WINDOW).iter().map(|(tick, event)| (tick - from, *event)).collect()
+            });
+            (events, received)
+        }
+    }
+
+    const ARRIVED: Received = Received { missed: false, lost_events: 0 };
+    const MISSED: Received = Received { missed: true, lost_events: 0 };
+
+    #[test]
+    fn events_of_a_window_that_arrives_too_late_begin_the_next_one() {
+        let mut pair = Pair::new();
+        assert_eq!(pair.play(0), (vec![], MISSED));
+        pair.work(0, &[1, 2], true);
+        pair.work(1, &[3], true);
+        assert_eq!(pair.play(1), (vec![(0, 1), (0, 2), (9, 3)], ARRIVED));
+        assert_eq!(pair.play(2), (vec![], MISSED));
+    }
+
+    #[test]
+    fn events_of_windows_that_are_not_sent_arrive_later_in_their_order() {
+        let mut pair = Pair::new();
+        (0..4).for_each(|window| drop(pair.play(window)));
+        for window in 0..4 {
+            pair.work(window, &[2 * window as u32, 2 * window as u32 + 1], false);
+        }
+        assert!(!pair.sender.has_room(), "the slot that is free is for the events that wait");
+        assert_eq!(pair.play(4), (vec![(0, 0), (0, 1)], MISSED));
+        pair.work(4, &[8], false);
+        assert_eq!(pair.play(5), (vec![(0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (0, 7), (0, 8)], MISSED));
+        pair.work(5, &[9], false);
+        pair.work(6, &[10], true);
+        assert_eq!(pair.play(6), (vec![(0, 9), (9, 10)], ARRIVED));
+    }
+
+    #[test]
+    fn late_events_without_room_are_counted() {
+        let mut pair = Pair::new();
+        let room = EventBuffer::<u32>::ROOM as u32 / 2;
+        let events: Vec<u32> = (0..room + 3).collect();
+        assert_eq!(pair.play(0), (vec![], MISSED));
+        pair.work(0, &events, false);
+        let (played, received) = pair.play(1);
+        assert_eq!((played.len() as u32, received), (room, Received { missed: true, lost_events: 3 }));
+        assert!(played.iter().zip(&events).all(|(a, b)| *a == (0, *b)));
+        assert_eq!(pair.play(2), (vec![], MISSED));
+    }
+
+    #[test]
+    fn a_late_window_of_a_stream_is_left_out() {
+        let mut ends = ring(2, (0, 0), (0, 0), None, || {
+            Box::new(StreamBuffer::<f32>::new(1, 4, 0, foley_nodes::core::buffer::Pad::Silence))
+        });
+        ends.0.send_late(&stage());
+        assert!(ends.0.has_room() && ends.1.full.is_empty());
     }
 }

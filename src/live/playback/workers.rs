@@ -44,7 +44,7 @@ impl WorkerRegion {
     /// Runs the next window, unless it is far enough ahead of the callback or has failed; returns true if it ran.
     pub fn step(&mut self, timing: &WindowTiming, played: u64) -> bool {
         let ahead = self.window < played + timing.depth;
-        // Of a window that has begun nothing is heard any more, and nothing is sent.
+        // Of a window that has begun only events are sent.
         let late = self.window < played;
         if self.failed || !ahead || !(late || self.links.iter().all(RingSender::has_room)) {
             return false;
@@ -61,8 +61,8 @@ impl WorkerRegion {
         true
     }
 
-    /// Runs the next window, and sends it to the callback.
-    fn run_window(&mut self, timing: &WindowTiming, send: bool) {
+    /// Runs the next window, and sends it to the callback: its events alone unless it is in time.
+    fn run_window(&mut self, timing: &WindowTiming, in_time: bool) {
         self.stage.advance(timing.window_start(self.window + 1));
         if let Err(fault) = self.stage.run() {
             (self.failed, self.fault) = (true, Some(fault));
@@ -74,8 +74,12 @@ impl WorkerRegion {
                 *spent = NodeTime::default();
             }
         }
-        for link in self.links.iter_mut().filter(|_| send) {
-            link.send(&self.stage, self.window);
+        for link in &mut self.links {
+            if in_time {
+                link.send(&self.stage, self.window);
+            } else {
+                link.send_late(&self.stage);
+            }
         }
         if let Some(node) = self.stage.take_not_finite()
             && self.window >= self.next_report

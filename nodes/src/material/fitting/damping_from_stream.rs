@@ -44,7 +44,8 @@ params! {
     /// A knock after which the log-likelihood of a point is lower by more than 1 nat, such as one on another object, is left out.
     ///
     /// The extraction runs in the background. The time of each event depends on the stream alone; if an extraction is not ready then, the
-    /// node waits for it, so `delay` has to be longer than it takes.
+    /// node waits for it, so `delay` has to be longer than it takes: else the windows of a graph that plays are missed, and the event
+    /// comes with the first window after them.
     ///
     /// # Source
     /// Sterling et al., "Audio-material reconstruction for virtualized reality using a probabilistic damping model" (IEEE TVCG 25(5),
@@ -56,7 +57,8 @@ params! {
         rise: f64 = 20.0, unit "dB", range 3.0..=100.0;
         /// Level that a knock has at least.
         floor: f64 = -45.0, unit "dB", range -120.0..=0.0;
-        /// Time from the end of a captured sound to the event: longer than the analysis takes, or a graph that plays misses windows.
+        /// Time from the end of a captured sound to the event: longer than the analysis takes, or a graph that plays misses windows and the
+        /// event is late.
         delay: f64 = 1.0, unit "s", range 0.0..=10.0;
         /// Number of knocks that are fitted: the latest.
         knocks: usize = 50, unit "", range 1..=1000;

@@ -1,6 +1,6 @@
 //! Buffers of events.
 
-use super::AnyBuffer;
+use super::{AnyBuffer, LateEvents};
 use crate::core::fault::Fault;
 use crate::core::state::{StateArchive, Stateful};
 use crate::core::time::Tick;
@@ -118,6 +118,14 @@ impl<E: Clone + Serialize + DeserializeOwned + Send + 'static> AnyBuffer for Eve
             self.overrun |= other.overrun;
             self.advance(to);
         }
+    }
+
+    fn append_late(&mut self, other: &dyn AnyBuffer, from: i64, to: i64) -> LateEvents {
+        let Some(other) = other.typed::<Self>() else { return LateEvents::default() };
+        let late = other.view(from, to);
+        let added = late.len().min((self.events.capacity() / 2).saturating_sub(self.events.len()));
+        late[..added].iter().for_each(|(_, event)| self.push(self.end, event.clone()));
+        LateEvents { added: added as u64, lost: (late.len() - added) as u64 }
     }
 
     fn reset(&mut self) {

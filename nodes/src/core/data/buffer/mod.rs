@@ -21,6 +21,15 @@ pub enum Pad {
     Hold,
 }
 
+/// Numbers of events that [`AnyBuffer::append_late`] has added, and left out for want of room.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LateEvents {
+    /// Events that were added.
+    pub added: u64,
+    /// Events that were left out.
+    pub lost: u64,
+}
+
 /// A buffer whose type only its ports define.
 pub trait AnyBuffer: Any + Send {
     /// First position after the last item: an item index, or the watermark tick for events.
@@ -29,6 +38,13 @@ pub trait AnyBuffer: Any + Send {
     fn pad_to(&mut self, to: i64);
     /// Appends `[from, to)` of a buffer of the same type, which must hold it.
     fn append_from(&mut self, other: &dyn AnyBuffer, from: i64, to: i64);
+    /// Adds the events of `[from, to)` of a buffer of the same type that arrive too late: their times move to the end, in their order.
+    ///
+    /// Nothing is allocated: late events fill at most half of the room. Streams take nothing.
+    fn append_late(&mut self, other: &dyn AnyBuffer, from: i64, to: i64) -> LateEvents {
+        let _ = (other, from, to);
+        LateEvents::default()
+    }
     /// Clears the buffer and starts again at zero, with the padding before it.
     fn reset(&mut self);
     /// Clears the buffer and continues at position `at`, without padding.
