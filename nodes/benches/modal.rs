@@ -114,6 +114,63 @@ fn forms() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// What changes the damping of an object while it sounds.
+#[derive(Clone, Copy, PartialEq)]
+enum Supports {
+    /// Nothing.
+    Constant,
+    /// The damping of each mode changes in every window.
+    Moving,
+    /// The modes are coupled in every sample.
+    Coupling,
+}
+
+/// Objects of 100 modes that one core computes in real time, in windows of 64 and 128 samples with an impact in every 256th: beside
+/// constant dampings, those of supports that move and those of supports that couple the modes.
+fn objects() -> Result<(), Box<dyn Error>> {
+    let modes = modes(100)?;
+    let matrix: Vec<f32> = (0..100 * 100).map(|k| if k % 101 == 0 { -1e-4 } else { -1e-6 }).collect();
+    for window in [64, 128] {
+        let mut constant = None;
+        let cases = [
+            ("constant damping   ", Supports::Constant),
+            ("moving supports    ", Supports::Moving),
+            ("coupled by supports", Supports::Coupling),
+        ];
+        for (name, supports) in cases {
+            let mut bank = Bank::new(&modes, RATE, BankOutput::Acceleration)?;
+            let (mut force, mut out) = (vec![0.0; window], vec![0.0; window]);
+            let (mut scratch, mut added) = (vec![0.0; 100], vec![0.0_f32; 100]);
+            let mut k = 0_u32;
+            let found = best(|| {
+                k += 1;
+                force[0] = f32::from(u8::from(k % 256 == 1));
+                if supports == Supports::Coupling {
+                    for (force, out) in force.chunks(1).zip(out.chunks_mut(1)) {
+                        bank.process(force, out);
+                        bank.couple(&matrix, &mut scratch);
+                    }
+                } else {
+                    if supports == Supports::Moving {
+                        added.iter_mut().enumerate().for_each(|(i, x)| *x = ((k as usize + i) % 50) as f32);
+                        bank.add_damping(&added);
+                    }
+                    bank.process(&force, &mut out);
+                }
+                black_box(&out);
+                window as u64
+            });
+            let constant = *constant.get_or_insert(found);
+            println!(
+                "   100 modes, windows of {window:3}, {name}: {:6.1} objects in real time, {:3.0} % of constant damping",
+                found / RATE,
+                100.0 * found / constant
+            );
+        }
+    }
+    Ok(())
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let level = Level::new();
     let bound = bound(level);
@@ -153,32 +210,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         time("continuous force      ", &scrape, false)?;
         time("damping every 64      ", &impulse, true)?;
     }
-    // One object of 100 modes: the damping of each mode changes every 64 samples, as under supports that move, and modes that are coupled.
-    let modes_100 = modes(100)?;
-    let matrix: Vec<f32> = (0..100 * 100).map(|k| if k % 101 == 0 { -1e-4 } else { -1e-6 }).collect();
-    for (name, coupled) in [("supports that move", false), ("coupled by supports", true)] {
-        let mut bank = Bank::new(&modes_100, RATE, BankOutput::Acceleration)?;
-        let (mut out, mut scratch, mut added) = (vec![0.0; 64], vec![0.0; 100], vec![0.0_f32; 100]);
-        let mut k = 0_u32;
-        let found = best(|| {
-            k += 1;
-            let mut force = [0.0; 64];
-            force[0] = f32::from(u8::from(k % 256 == 1));
-            if coupled {
-                for (force, out) in force.chunks(1).zip(out.chunks_mut(1)) {
-                    bank.process(force, out);
-                    bank.couple(&matrix, &mut scratch);
-                }
-            } else {
-                added.iter_mut().enumerate().for_each(|(i, x)| *x = ((k as usize + i) % 50) as f32);
-                bank.add_damping(&added);
-                bank.process(&force, &mut out);
-            }
-            black_box(&out);
-            64
-        });
-        println!("   100 modes, {name}: {:6.1} objects in real time", found / RATE);
-    }
+    objects()?;
     forms()?;
     let mut quiet = Bank::new(&modes(10_000)?, RATE, BankOutput::Acceleration)?;
     let mut out = vec![0.0; 1024];
