@@ -1,5 +1,6 @@
 //! `foley watch` as a user runs it: every method by which programs save files, errors in between, and the end.
 
+use crate::common;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
@@ -376,4 +377,87 @@ fn the_options_of_a_run_hold_at_each_rerun() {
     assert_ne!(fs::read(&tap).unwrap(), first);
     assert!(Path::new(&project.base.path().join("else/out.wav")).exists());
     assert_eq!(watched.end(), (Some(0), String::new()));
+}
+
+/// Knocks on one material whose modes decay faster the higher they are; `shift` moves the frequencies.
+fn write_knock(project: &Project, name: &str, shift: f64) {
+    let sample = |n: i32| {
+        let t = f64::from(n) / 22_050.0 - 0.05;
+        let mode = |k: i32| {
+            let w = std::f64::consts::TAU * (300.0 * 1.4_f64.powi(k) + shift);
+            (-0.5 * (8.0 + 4e-8 * w * w) * t).exp() * (w * t).sin()
+        };
+        let ringing = if t < 0.0 { 0.0 } else { 0.1 * (0..8).map(mode).sum::<f64>() };
+        // Noise, as each recording has some.
+        (30_000.0 * (ringing + 1e-4 * (f64::from(n) * 12.9898).sin())) as i16
+    };
+    // Whole at once: a file that is read while it is written would be another edit.
+    let whole = project.base.path().join("knock.wav");
+    common::write_wav(&whole, 1, 22_050, (0..22_050).map(sample));
+    fs::rename(whole, project.path(name)).unwrap();
+}
+
+/// Adds, changes and removes recordings of a folder beside one that stays; `check` waits for the result of each.
+fn edit_folder(project: &Project, mut check: impl FnMut(&str)) {
+    write_knock(project, "knocks/b.wav", 11.0);
+    check("added");
+    write_knock(project, "knocks/b.wav", 23.0);
+    check("changed");
+    fs::remove_file(project.path("knocks/b.wav")).unwrap();
+    check("removed");
+}
+
+#[test]
+fn recordings_that_are_added_to_a_folder_or_changed_or_removed_in_it_rerun_the_graph() {
+    let graph = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"knocks\": ModalFeatures(folder: \"knocks\", surrogate: false, compare: false),
+        \"table\": TableOut(table: \"knocks.table\", path: \"table.csv\") })";
+    let project = Project::new(&[("main.ron", graph), ("knocks/notes.txt", "")]);
+    write_knock(&project, "knocks/a.wav", 0.0);
+    for more in [&[][..], &["--poll", "0.05"]] {
+        let mut watched = project.watch(more);
+        watched.expect("watching ");
+        let table =
+            |folder: &str| fs::read_to_string(project.base.path().join(folder).join("table.csv")).unwrap();
+        let (first, mut last) = (table("out"), table("out"));
+        edit_folder(&project, |edit| {
+            let reported = watched.expect("reran in ");
+            assert!(!reported.contains("error"), "{edit}: {reported}");
+            let run = project
+                .command(&["run", "project/main.ron", "--no-cache", "--out", "fresh"])
+                .output()
+                .unwrap();
+            assert!(run.status.success(), "{edit}: {}", String::from_utf8_lossy(&run.stderr));
+            let now = table("out");
+            assert_eq!(now, table("fresh"), "{edit}");
+            assert_ne!(now, std::mem::replace(&mut last, now.clone()), "{edit}");
+        });
+        assert_eq!(last, first);
+        assert_eq!(watched.end().0, Some(0));
+    }
+}
+
+#[test]
+fn recordings_that_are_added_to_a_folder_or_changed_or_removed_in_it_change_what_plays() {
+    let graph = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"knocks\": ModalFeatures(folder: \"knocks\", surrogate: false, compare: false),
+        \"gate\": FeatureGate(features: [\"knocks.features\"]),
+        \"fit\": DampingFit(points: \"gate\", estimator: Mixture, model: Rayleigh, draws: 0, compare: false),
+        \"mesh\": TetMeshFile(path: \"bar.mesh\"),
+        \"model\": ModalAnalysis(mesh: \"mesh\", young: 2e11, poisson: 0.3, density: 7800.0, highest: 4000),
+        \"modes\": ModelModes(model: \"model\", material: \"fit.material\", points: [[0.0, 0.015, 0.004]]),
+        \"beats\": Metronome(interval: 0.1),
+        \"clicks\": Impulses(events: \"beats\", rate: 44100),
+        \"bar\": ModalBank(forces: [\"clicks\"], modes: \"modes.modes\"),
+        \"out\": WavOut(audio: \"bar\", path: \"out.wav\") })";
+    let project = Project::new(&[("main.ron", graph), ("knocks/notes.txt", "")]);
+    fs::copy(common::graphs().join("assets/meshes/bar.mesh"), project.path("bar.mesh")).unwrap();
+    write_knock(&project, "knocks/a.wav", 0.0);
+    let mut watched = project.watch(&["--live", "--device", "null", "--osc", "off"]);
+    watched.expect("watching ");
+    edit_folder(&project, |edit| {
+        let reported = watched.expect("reloaded in ");
+        assert!(reported.contains("bar") && !reported.contains("error"), "{edit}: {reported}");
+    });
+    assert_eq!(watched.end().0, Some(0));
 }
