@@ -20,7 +20,8 @@ fn every_example_graph_gives_the_same_bits_for_any_window_and_threads_and_from_t
             let dir = tempfile::tempdir().unwrap();
             let window = ticks(window);
             // Several regions for several threads.
-            let options = PlanOptions { window, threads, until, min_region_ns: 1e4, ..PlanOptions::default() };
+            let options =
+                PlanOptions { window, threads, until, min_region_ns: 1e4, ..PlanOptions::default() };
             let report = common::run_file_cached(path, &options, memo, dir.path())
                 .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
             assert!(report.notes.iter().all(|(_, note)| !note.contains("F08")), "{:?}", report.notes);

@@ -198,12 +198,7 @@ impl<'a> Mixture<'a> {
     }
 
     /// Steps of expectation and maximisation, then Newton steps in all parameters; the objective after each of the former.
-    fn maximise(
-        &mut self,
-        z: &mut [f64],
-        bounds: &[[f64; 2]],
-        effort: &mut Effort,
-    ) -> (Ascent, Vec<f64>) {
+    fn maximise(&mut self, z: &mut [f64], bounds: &[[f64; 2]], effort: &mut Effort) -> (Ascent, Vec<f64>) {
         let n = self.others(z);
         let inner = Stop::Gain(EM_GAIN / self.total());
         let likelihood = self.likelihood.clone();

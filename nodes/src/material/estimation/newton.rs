@@ -104,8 +104,9 @@ pub(crate) fn newton(
                     trial[i] = (z[i] + length * d).clamp(bounds[i][0], bounds[i][1]);
                 }
                 let gain: f64 = (0..n).map(|i| g[i] * (trial[i] - z[i])).sum();
-                let inside =
-                    || free.iter().zip(&direction).all(|(&i, d)| (trial[i] - z[i] - d).abs() <= 1e-9 * d.abs());
+                let inside = || {
+                    free.iter().zip(&direction).all(|(&i, d)| (trial[i] - z[i] - d).abs() <= 1e-9 * d.abs())
+                };
                 if gain > 0.0 && 0.5 * gain <= enough && length == 1.0 && damping == 0.0 && inside() {
                     z.copy_from_slice(&trial);
                     out.value += 0.5 * gain;

@@ -308,8 +308,7 @@ pub(super) fn at_shape(likelihood: &Likelihood<'_>, k: f64) -> Vec<f64> {
     let objective = FixedShape::new(sample, &basis, likelihood.total_weight(), k);
     let mut bounds = vec![[1e-9, 1e12]];
     bounds.extend(vec![[0.0, f64::MAX]; p]);
-    let mut scan =
-        Scan { objective, scale: vec![1.0; p], bounds, effort: Effort::default() };
+    let mut scan = Scan { objective, scale: vec![1.0; p], bounds, effort: Effort::default() };
     let mut z = vec![1.0];
     z.extend(vec![0.1; p]);
     // From a wide shape to a narrow one, or the reverse, each from the last.

@@ -274,6 +274,7 @@ impl Func for DampingExperiment {
     type Params = DampingExperimentParams;
     type Ports = DampingExperimentPorts;
     const NAME: &'static str = "DampingExperiment";
+    const VERSION: u32 = 2;
 
     fn check(
         p: &DampingExperimentParams,

@@ -112,6 +112,7 @@ impl Func for FitComparison {
     type Params = FitComparisonParams;
     type Ports = FitComparisonPorts;
     const NAME: &'static str = "FitComparison";
+    const VERSION: u32 = 2;
 
     fn check(_: &FitComparisonParams, s: &mut Shape<'_, '_, FitComparisonPorts>) -> Result<(), Reject> {
         if !s.linked(FitComparisonPorts::points) {

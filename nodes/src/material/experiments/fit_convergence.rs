@@ -122,6 +122,7 @@ impl Func for FitConvergence {
     type Params = FitConvergenceParams;
     type Ports = FitConvergencePorts;
     const NAME: &'static str = "FitConvergence";
+    const VERSION: u32 = 2;
 
     fn eval(p: &FitConvergenceParams, _: &Build<'_>, mut io: FitConvergenceIo<'_>) -> Result<Summary, Fault> {
         let traces =

@@ -17,10 +17,6 @@ const SPURIOUS: f64 = 0.05;
 /// Range of their dampings, 1/s.
 const BACKGROUND: [f64; 2] = [0.5, 2000.0];
 
-/// Geometric mean of an exponential distribution of mean 1, `exp(-0.5772)`. Differences in dB are least for it: the mean would make most
-/// modes decay too fast.
-const GEOMETRIC_MEAN: f64 = 0.561_459_483_566_885_2;
-
 /// One take of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Take {
@@ -74,10 +70,9 @@ impl Candidate {
         })
     }
 
-    /// Decay rate `d` in 1/s of a mode of the material on a usual support: `(c + g/eta) / 2`, where `g/eta` is the geometric mean of
-    /// exponential dampings.
+    /// Decay rate `d` in 1/s of a mode of the material on its mean support: `(c + 1/eta) / 2`.
     fn decay(&self, feature: &Feature) -> f64 {
-        0.5 * (self.model.c((TAU * feature.freq_hz).powi(2)) + GEOMETRIC_MEAN * self.support)
+        0.5 * (self.model.c((TAU * feature.freq_hz).powi(2)) + self.support)
     }
 
     /// Mean log-likelihood of points, with 5 % of spurious ones.

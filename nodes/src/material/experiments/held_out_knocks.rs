@@ -37,9 +37,9 @@ params! {
     /// distance of the resynthesis, which has the frequencies and amplitudes of the take and the decay rates `(c(lambda) + 1/eta)/2` of the
     /// candidate. The chance rate is that of a guess.
     ///
-    /// Takes whose files are listed in `recordings` are compared with their recordings, others with the resynthesis of their own decay
-    /// rates. An object of whose takes the modes of the others leave more than -10 dB unexplained, by the linked reports, is not used: these
-    /// are recordings of several objects.
+    /// Takes whose files are listed in `recordings` are compared with their recordings, of which each resynthesis has what the take's own
+    /// modes leave unexplained; others are compared with the resynthesis of their own decay rates. An object of whose takes the modes of the
+    /// others leave more than -10 dB unexplained, by the linked reports, is not used: these are recordings of several objects.
     ///
     /// # Randomness
     /// Synthetic objects are a function of the seed.
@@ -218,6 +218,7 @@ impl Func for HeldOutKnocks {
     type Params = HeldOutKnocksParams;
     type Ports = HeldOutKnocksPorts;
     const NAME: &'static str = "HeldOutKnocks";
+    const VERSION: u32 = 2;
     // Takes are named after their files.
     const EXPOSES_PATHS: bool = true;
 

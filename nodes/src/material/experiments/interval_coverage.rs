@@ -169,7 +169,7 @@ impl Func for IntervalCoverage {
     type Params = IntervalCoverageParams;
     type Ports = IntervalCoveragePorts;
     const NAME: &'static str = "IntervalCoverage";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn eval(
         p: &IntervalCoverageParams,

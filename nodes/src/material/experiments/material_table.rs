@@ -73,6 +73,7 @@ impl Func for MaterialTable {
     type Params = MaterialTableParams;
     type Ports = MaterialTablePorts;
     const NAME: &'static str = "MaterialTable";
+    const VERSION: u32 = 2;
 
     fn eval(_: &MaterialTableParams, _: &Build<'_>, mut io: MaterialTableIo<'_>) -> Result<Summary, Fault> {
         let materials: Vec<&Material> = io.materials.iter().collect();

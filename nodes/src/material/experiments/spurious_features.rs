@@ -113,6 +113,7 @@ impl Func for SpuriousFeatures {
     type Params = SpuriousFeaturesParams;
     type Ports = SpuriousFeaturesPorts;
     const NAME: &'static str = "SpuriousFeatures";
+    const VERSION: u32 = 2;
 
     fn eval(
         p: &SpuriousFeaturesParams,

@@ -82,9 +82,9 @@ params! {
     /// Estimates the damping of a material from points of damping over frequency.
     ///
     /// Each damping is that of the material, plus that of the support, which is exponentially distributed, plus normal noise. The
-    /// estimator takes the three apart; `Mixture` sets spurious features apart as well, a few of which ruin the others. The
-    /// summary lists the parameters, their 95 % intervals, and the reasons to doubt them; a tap of `report` as SVG is the figure of
-    /// the fit. Intervals are those of resampled recordings, so they need several.
+    /// estimator takes the three apart; `Mixture` sets spurious features apart as well, a few of which ruin the others; features
+    /// of one frequency that are mostly spurious, as those of a striker that rings, count as a group. The summary lists the parameters,
+    /// their 95 % intervals, and the reasons to doubt them; a tap of `report` as SVG is the figure of the fit. Intervals are those of resampled recordings, so they need several.
     ///
     /// # Randomness
     /// Resampled and simulated data, and so the intervals and the test of the fit, are a function of the seed.
@@ -240,7 +240,7 @@ impl Func for DampingFit {
     type Params = DampingFitParams;
     type Ports = DampingFitPorts;
     const NAME: &'static str = "DampingFit";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn check(p: &DampingFitParams, s: &mut Shape<'_, '_, DampingFitPorts>) -> Result<(), Reject> {
         s.check(family(p));

@@ -234,6 +234,7 @@ impl Node for DampingFromStream {
     type Params = DampingFromStreamParams;
     type Ports = DampingFromStreamPorts;
     const NAME: &'static str = "DampingFromStream";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 10.0;
 

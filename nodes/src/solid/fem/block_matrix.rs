@@ -19,7 +19,13 @@ struct Stiffness;
 struct AbsoluteStiffness;
 
 impl Term for Mass {
-    fn add<const L: usize>(&self, matrix: &BlockMatrix, k: usize, v: &[[f64; L]; 3], sum: &mut [[f64; L]; 3]) {
+    fn add<const L: usize>(
+        &self,
+        matrix: &BlockMatrix,
+        k: usize,
+        v: &[[f64; L]; 3],
+        sum: &mut [[f64; L]; 3],
+    ) {
         let m = matrix.mass[k];
         for (sum, v) in sum.iter_mut().zip(v) {
             sum.iter_mut().zip(v).for_each(|(sum, v)| *sum += m * v);
@@ -28,7 +34,13 @@ impl Term for Mass {
 }
 
 impl Term for Stiffness {
-    fn add<const L: usize>(&self, matrix: &BlockMatrix, k: usize, v: &[[f64; L]; 3], sum: &mut [[f64; L]; 3]) {
+    fn add<const L: usize>(
+        &self,
+        matrix: &BlockMatrix,
+        k: usize,
+        v: &[[f64; L]; 3],
+        sum: &mut [[f64; L]; 3],
+    ) {
         let block = &matrix.stiffness[k];
         for (row, sum) in block.chunks_exact(3).zip(sum) {
             for (j, sum) in sum.iter_mut().enumerate() {
@@ -39,7 +51,13 @@ impl Term for Stiffness {
 }
 
 impl Term for AbsoluteStiffness {
-    fn add<const L: usize>(&self, matrix: &BlockMatrix, k: usize, v: &[[f64; L]; 3], sum: &mut [[f64; L]; 3]) {
+    fn add<const L: usize>(
+        &self,
+        matrix: &BlockMatrix,
+        k: usize,
+        v: &[[f64; L]; 3],
+        sum: &mut [[f64; L]; 3],
+    ) {
         let block = &matrix.stiffness[k];
         for (row, sum) in block.chunks_exact(3).zip(sum) {
             for (j, sum) in sum.iter_mut().enumerate() {

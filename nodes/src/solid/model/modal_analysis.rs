@@ -116,6 +116,7 @@ impl Func for ModalAnalysis {
     type Params = ModalAnalysisParams;
     type Ports = ModalAnalysisPorts;
     const NAME: &'static str = "ModalAnalysis";
+    const VERSION: u32 = 2;
 
     fn check(p: &ModalAnalysisParams, s: &mut Shape<'_, '_, ModalAnalysisPorts>) -> Result<(), Reject> {
         if !s.linked(ModalAnalysisPorts::material) {
