@@ -1,15 +1,16 @@
 //! Stiffness and mass of a mesh.
 
-use super::super::mesh::tet_mesh::TetMesh;
+use super::super::mesh::isoparametric::quadrature;
+use super::super::mesh::tet_mesh::{TetMesh, edges};
 use super::block_matrix::BlockMatrix;
-use super::elements::{EDGES, Element, Isotropic, Order};
+use super::elements::{Element, Isotropic, Order, curved_matrices};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Elements whose matrices are computed at once, before they are added in order.
 const CHUNK: usize = 512;
 
-/// The nodes of all elements: those of the mesh first, then one in the middle of each edge if the order is 2.
+/// The nodes of all elements: those of the mesh first, then one on each edge if the order is 2: in its middle, or on its curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Discretisation {
     /// Order of the elements.
@@ -18,15 +19,17 @@ pub struct Discretisation {
     pub nodes: Vec<[f64; 3]>,
     /// Nodes of each element, of which the first `order.nodes()` are used.
     pub elements: Vec<[u32; 10]>,
+    /// True for each element of order 2 with a curved edge.
+    pub curved: Vec<bool>,
     /// Node in the middle of each edge, by its ends in order.
     pub middles: HashMap<[u32; 2], u32>,
 }
 
 impl Discretisation {
-    /// The nodes of a mesh.
+    /// The nodes of a mesh; elements of order 1 have straight edges.
     ///
     /// # Complexity
-    /// O(n) on average.
+    /// O(n log curves) on average.
     #[must_use]
     pub fn new(mesh: &TetMesh, order: Order) -> Self {
         let mut nodes = mesh.nodes.clone();
@@ -35,10 +38,9 @@ impl Discretisation {
             let mut all = [0; 10];
             all[..4].copy_from_slice(tet);
             if order == Order::Quadratic {
-                for (node, [a, b]) in all[4..].iter_mut().zip(EDGES.map(|edge| edge.map(|k| tet[k]))) {
-                    *node = *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| {
-                        let (p, q) = (mesh.nodes[a as usize], mesh.nodes[b as usize]);
-                        nodes.push(std::array::from_fn(|k| 0.5 * (p[k] + q[k])));
+                for (node, ends) in all[4..].iter_mut().zip(edges(tet)) {
+                    *node = *middles.entry(ends).or_insert_with(|| {
+                        nodes.push(mesh.middle(ends));
                         nodes.len() as u32 - 1
                     });
                 }
@@ -46,7 +48,8 @@ impl Discretisation {
             all
         });
         let elements = elements.collect();
-        Self { order, nodes, elements, middles }
+        let curved = mesh.tets.iter().map(|tet| order == Order::Quadratic && mesh.is_curved(tet)).collect();
+        Self { order, nodes, elements, curved, middles }
     }
 
     /// Stiffness and mass.
@@ -60,8 +63,13 @@ impl Discretisation {
         let mut matrix = self.pattern();
         let n = self.order.nodes();
         let mut buffers = vec![(vec![[0.0; 9]; n * n], vec![0.0; n * n]); CHUNK];
-        for elements in self.elements.chunks(CHUNK) {
-            buffers.par_iter_mut().zip(elements).for_each(|((stiffness, mass), element)| {
+        for (elements, curved) in self.elements.chunks(CHUNK).zip(self.curved.chunks(CHUNK)) {
+            let each = buffers.par_iter_mut().zip(elements).zip(curved);
+            each.for_each(|(((stiffness, mass), element), curved)| {
+                if *curved {
+                    let points = quadrature(&element.map(|k| self.nodes[k as usize]));
+                    return curved_matrices(&points, material, stiffness, mass);
+                }
                 let corners = [0, 1, 2, 3].map(|k| self.nodes[element[k] as usize]);
                 let geometry = Element::new(&corners);
                 geometry.stiffness(self.order, material, stiffness);

@@ -1,5 +1,6 @@
-//! Stiffness and mass of one tetrahedron with straight edges.
+//! Stiffness and mass of one tetrahedron, with straight or curved edges.
 
+use super::super::mesh::isoparametric::{EDGES, QuadraturePoint};
 use crate::contact::vector::{cross, dot, sub};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -69,13 +70,10 @@ impl Order {
     }
 }
 
-/// Corners of the edge of each mid-edge node 4 to 9.
-pub const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
-
 /// Barycentric coordinates of the four points of Gauss quadrature, exact up to degree 2.
 const GAUSS: [f64; 2] = [0.585_410_196_624_968_5, 0.138_196_601_125_010_5];
 
-/// Geometry of one element.
+/// Geometry of one element with straight edges.
 pub struct Element {
     /// Volume, m^3.
     pub volume: f64,
@@ -99,36 +97,14 @@ impl Element {
     ///
     /// `K_ij[a][b] = integral of lambda d_a N_i d_b N_j + mu d_b N_i d_a N_j + mu delta_ab grad N_i . grad N_j`.
     pub fn stiffness(&self, order: Order, material: &Isotropic, out: &mut [[f64; 9]]) {
-        let [lambda, mu] = material.lame();
         let n = order.nodes();
         out.fill([0.0; 9]);
         let points = if order == Order::Linear { 1 } else { 4 };
         let weight = self.volume / points as f64;
         for point in 0..points {
-            let gradients = self.gradients_at(order, point);
-            for i in 0..n {
-                for j in i..n {
-                    let (g, h) = (gradients[i], gradients[j]);
-                    let shear = mu * dot(g, h);
-                    let block = &mut out[i * n + j];
-                    for a in 0..3 {
-                        for b in 0..3 {
-                            let diagonal = if a == b { shear } else { 0.0 };
-                            block[3 * a + b] += weight * (lambda * g[a] * h[b] + mu * g[b] * h[a] + diagonal);
-                        }
-                    }
-                }
-            }
+            add_stiffness(material, weight, &self.gradients_at(order, point)[..n], out);
         }
-        // The upper triangle in full, so that the sum is symmetric bit for bit.
-        for i in 0..n {
-            let block = out[i * n + i];
-            out[i * n + i] = std::array::from_fn(|k| block[k.min(3 * (k % 3) + k / 3)]);
-            for j in i + 1..n {
-                let block = out[i * n + j];
-                out[j * n + i] = std::array::from_fn(|k| block[3 * (k % 3) + k / 3]);
-            }
-        }
+        symmetrise(n, out);
     }
 
     /// Gradients of the shape functions at a point of quadrature.
@@ -156,6 +132,59 @@ impl Element {
             for j in 0..n {
                 out[i * n + j] = density * self.volume * mass_share(order, i, j);
             }
+        }
+    }
+}
+
+/// Stiffness and mass of an element of order 2 with curved edges from its points of quadrature, as those of [`Element`].
+pub fn curved_matrices(
+    points: &[QuadraturePoint],
+    material: &Isotropic,
+    stiffness: &mut [[f64; 9]],
+    mass: &mut [f64],
+) {
+    let n = Order::Quadratic.nodes();
+    stiffness.fill([0.0; 9]);
+    mass.fill(0.0);
+    for point in points {
+        add_stiffness(material, point.weight, &point.gradients, stiffness);
+        for i in 0..n {
+            // Products in this order are symmetric bit for bit.
+            (0..n).for_each(|j| {
+                mass[i * n + j] += material.density * point.weight * (point.values[i] * point.values[j]);
+            });
+        }
+    }
+    symmetrise(n, stiffness);
+}
+
+/// Adds the part of a point of quadrature to the blocks of the upper triangle of a stiffness.
+fn add_stiffness(material: &Isotropic, weight: f64, gradients: &[[f64; 3]], out: &mut [[f64; 9]]) {
+    let [lambda, mu] = material.lame();
+    let n = gradients.len();
+    for i in 0..n {
+        for j in i..n {
+            let (g, h) = (gradients[i], gradients[j]);
+            let shear = mu * dot(g, h);
+            let block = &mut out[i * n + j];
+            for a in 0..3 {
+                for b in 0..3 {
+                    let diagonal = if a == b { shear } else { 0.0 };
+                    block[3 * a + b] += weight * (lambda * g[a] * h[b] + mu * g[b] * h[a] + diagonal);
+                }
+            }
+        }
+    }
+}
+
+/// Copies the upper triangle of a stiffness into the lower one, so that the sum is symmetric bit for bit.
+fn symmetrise(n: usize, out: &mut [[f64; 9]]) {
+    for i in 0..n {
+        let block = out[i * n + i];
+        out[i * n + i] = std::array::from_fn(|k| block[k.min(3 * (k % 3) + k / 3)]);
+        for j in i + 1..n {
+            let block = out[i * n + j];
+            out[j * n + i] = std::array::from_fn(|k| block[3 * (k % 3) + k / 3]);
         }
     }
 }

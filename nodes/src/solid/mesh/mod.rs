@@ -2,6 +2,7 @@
 
 pub mod closed_surface;
 pub mod formats;
+pub mod isoparametric;
 pub mod quality;
 pub mod revolution;
 pub mod revolved_mesh;

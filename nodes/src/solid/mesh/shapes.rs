@@ -1,6 +1,8 @@
 //! Meshes of simple bodies.
 
 use super::tet_mesh::{TetMesh, signed_volume};
+use crate::contact::vector::{norm, scale};
+use std::collections::BTreeSet;
 
 /// The six tetrahedra of a cube, over its corners `x + 2 y + 4 z`: all share one diagonal, so the cells of a grid fit together.
 ///
@@ -67,11 +69,29 @@ pub fn ball(radius: f64, cells: usize) -> TetMesh {
     oriented(nodes, tets)
 }
 
+/// The [`ball`] with curved edges: the nodes in the middle of the edges of its surface are on the sphere.
+#[must_use]
+pub fn round_ball(radius: f64, cells: usize) -> TetMesh {
+    let mut mesh = ball(radius, cells);
+    let surface: BTreeSet<[u32; 2]> = mesh
+        .surface()
+        .unwrap_or_default()
+        .iter()
+        .flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]].map(|[p, q]| [*p.min(q), *p.max(q)]))
+        .collect();
+    let curve = |ends: [u32; 2]| {
+        let middle = mesh.middle(ends);
+        (ends, scale(middle, radius / norm(middle)))
+    };
+    mesh.curves = surface.into_iter().map(curve).collect();
+    mesh
+}
+
 fn oriented(nodes: Vec<[f64; 3]>, mut tets: Vec<[u32; 4]>) -> TetMesh {
     for tet in &mut tets {
         if signed_volume(&tet.map(|c| nodes[c as usize])) < 0.0 {
             tet.swap(2, 3);
         }
     }
-    TetMesh { nodes, tets }
+    TetMesh { nodes, tets, curves: Vec::new() }
 }

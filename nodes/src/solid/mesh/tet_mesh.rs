@@ -1,12 +1,13 @@
 //! A mesh of tetrahedra.
 
+use super::isoparametric::{EDGES, POINTS, QuadraturePoint, quadrature};
 use super::quality::{self, Quality};
 use crate::contact::vector::{cross, dot, sub};
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use thiserror::Error;
 
 /// Volume relative to the mean at which an element counts as degenerate.
@@ -14,10 +15,11 @@ const DEGENERATE: f64 = 1e-12;
 /// Maximum number of elements.
 pub const MAX_TETS: usize = 1 << 26;
 
-/// Tetrahedra with straight edges over nodes in metres.
+/// Tetrahedra over nodes in metres, with straight edges except those of `curves`.
 ///
 /// [`TetMesh::new`] checks the invariants: all coordinates are finite, every node is used, every element has a positive volume
-/// `det(b - a, c - a, d - a) / 6`, and no element is there twice.
+/// `det(b - a, c - a, d - a) / 6`, and no element is there twice. With [`TetMesh::with_curves`], elements of order 2 follow the curves; the
+/// surface is that of the corners in any case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TetMesh {
@@ -25,6 +27,9 @@ pub struct TetMesh {
     pub nodes: Vec<[f64; 3]>,
     /// The four corners of each element.
     pub tets: Vec<[u32; 4]>,
+    /// The curved edges: ascending ends, and the position of the node between them, m; in the order of the ends.
+    #[serde(default)]
+    pub curves: Vec<([u32; 2], [f64; 3])>,
 }
 
 /// Error in a tetrahedral mesh.
@@ -74,6 +79,25 @@ pub enum TetMeshError {
         /// Its volume.
         volume: f64,
     },
+    /// A curved element that is folded.
+    #[error(
+        "the curved tetrahedron {tet} is folded: its Jacobian is {ratio:.3} times that of straight edges at a point, where it has to be above 0: \
+         move the nodes in the middle of its edges, or refine the mesh there"
+    )]
+    Folded {
+        /// Index of the element, from 0.
+        tet: usize,
+        /// Smallest Jacobian at a point of quadrature over that of the element with straight edges.
+        ratio: f64,
+    },
+    /// A curve that no edge has.
+    #[error(
+        "the curve between the nodes {ends:?} is no edge of a tetrahedron, is there twice, or is not finite"
+    )]
+    Curve {
+        /// Indices of the nodes.
+        ends: [u32; 2],
+    },
     /// Two elements with the same corners.
     #[error("tetrahedra {first} and {second} have the same nodes: remove one of them")]
     Duplicate {
@@ -120,11 +144,26 @@ impl TetMesh {
     /// # Complexity
     /// O(n) on average.
     pub fn new(nodes: Vec<[f64; 3]>, tets: Vec<[u32; 4]>) -> Result<Self, TetMeshError> {
-        let mut mesh = Self { nodes, tets };
+        Self::with_curves(nodes, tets, Vec::new())
+    }
+
+    /// A mesh of which some edges are curved: the ends of each, in any order, and the position of the node between them, m.
+    ///
+    /// # Errors
+    /// As [`TetMesh::new`]; curves that are no edges or not finite; elements whose Jacobian is not positive at a point of quadrature.
+    ///
+    /// # Complexity
+    /// O(n + curves log curves) on average.
+    pub fn with_curves(
+        nodes: Vec<[f64; 3]>,
+        tets: Vec<[u32; 4]>,
+        curves: Vec<([u32; 2], [f64; 3])>,
+    ) -> Result<Self, TetMeshError> {
+        let mut mesh = Self { nodes, tets, curves };
         if !(1..=MAX_TETS).contains(&mesh.tets.len()) {
             return Err(TetMeshError::Count { found: mesh.tets.len() });
         }
-        if let Some(node) = mesh.nodes.iter().position(|p| !p.iter().all(|x| x.abs() <= 1e6)) {
+        if let Some(node) = mesh.nodes.iter().position(|p| !is_near(p)) {
             return Err(TetMeshError::NotFinite { node });
         }
         for (tet, corners) in mesh.tets.iter().enumerate() {
@@ -134,13 +173,41 @@ impl TetMesh {
         }
         mesh.orient()?;
         mesh.distinct()?;
+        mesh.sort_curves()?;
         mesh.drop_unused();
         let worst = quality::worst(&mesh);
         if worst.angle < quality::MIN_ANGLE || worst.ratio < quality::MIN_RATIO {
             return Err(TetMeshError::Sliver { tet: worst.tet, angle: worst.angle, ratio: worst.ratio });
         }
+        mesh.unfolded()?;
         mesh.surface()?;
         Ok(mesh)
+    }
+
+    /// Puts the curves in order, and checks them.
+    fn sort_curves(&mut self) -> Result<(), TetMeshError> {
+        if self.curves.is_empty() {
+            return Ok(());
+        }
+        self.curves.iter_mut().for_each(|(ends, _)| ends.sort_unstable());
+        self.curves.sort_unstable_by_key(|(ends, _)| *ends);
+        let edges: HashSet<[u32; 2]> = self.tets.iter().flat_map(edges).collect();
+        let stray = self.curves.iter().find(|(ends, middle)| !edges.contains(ends) || !is_near(middle));
+        let twice = self.curves.windows(2).find(|pair| pair[0].0 == pair[1].0).map(|pair| &pair[0]);
+        stray.or(twice).map_or(Ok(()), |(ends, _)| Err(TetMeshError::Curve { ends: *ends }))
+    }
+
+    /// Checks that the Jacobian of each curved element is positive at its points of quadrature.
+    fn unfolded(&self) -> Result<(), TetMeshError> {
+        for (tet, corners) in self.tets.iter().enumerate() {
+            let Some(points) = self.curved(corners) else { continue };
+            let lowest = points.iter().map(|p| p.determinant).fold(f64::INFINITY, f64::min);
+            let ratio = lowest / (6.0 * signed_volume(&self.corners(corners)));
+            if !(ratio > 0.0 && ratio.is_finite()) {
+                return Err(TetMeshError::Folded { tet, ratio });
+            }
+        }
+        Ok(())
     }
 
     fn orient(&mut self) -> Result<(), TetMeshError> {
@@ -178,7 +245,8 @@ impl TetMesh {
             *index = nodes.len() as u32;
             nodes.push(*node);
         }
-        self.tets.iter_mut().flatten().for_each(|c| *c = index[*c as usize]);
+        let ends = self.curves.iter_mut().flat_map(|(ends, _)| ends);
+        self.tets.iter_mut().flatten().chain(ends).for_each(|c| *c = index[*c as usize]);
         self.nodes = nodes;
     }
 
@@ -186,6 +254,34 @@ impl TetMesh {
     #[must_use]
     pub fn corners(&self, tet: &[u32; 4]) -> [[f64; 3]; 4] {
         tet.map(|c| self.nodes[c as usize])
+    }
+
+    /// Position of the node between the ascending ends of an edge, m: on its curve, else in the middle.
+    #[must_use]
+    pub fn middle(&self, ends: [u32; 2]) -> [f64; 3] {
+        let found = self.curves.binary_search_by_key(&ends, |(ends, _)| *ends);
+        let [p, q] = ends.map(|c| self.nodes[c as usize]);
+        found.map_or_else(|_| std::array::from_fn(|k| 0.5 * (p[k] + q[k])), |k| self.curves[k].1)
+    }
+
+    /// Returns true if an edge of the element is curved.
+    #[must_use]
+    pub fn is_curved(&self, tet: &[u32; 4]) -> bool {
+        let curve = |edge: [u32; 2]| self.curves.binary_search_by_key(&edge, |(ends, _)| *ends).is_ok();
+        !self.curves.is_empty() && edges(tet).into_iter().any(curve)
+    }
+
+    /// Points of quadrature of an element, if it is curved.
+    ///
+    /// # Complexity
+    /// O(log curves).
+    #[must_use]
+    pub fn curved(&self, tet: &[u32; 4]) -> Option<[QuadraturePoint; POINTS]> {
+        self.is_curved(tet).then(|| {
+            let middles = edges(tet).map(|ends| self.middle(ends));
+            let corners = self.corners(tet);
+            quadrature(&std::array::from_fn(|k| if k < 4 { corners[k] } else { middles[k - 4] }))
+        })
     }
 
     /// The faces that belong to one element, anticlockwise seen from outside, in the order of the elements.
@@ -207,14 +303,16 @@ impl TetMesh {
     /// Volume, m^3.
     #[must_use]
     pub fn volume(&self) -> f64 {
-        self.tets.iter().map(|t| signed_volume(&self.corners(t))).sum()
+        let straight = |t| signed_volume(&self.corners(t));
+        let volume = |t| self.curved(t).map_or_else(|| straight(t), |all| all.iter().map(|p| p.weight).sum());
+        self.tets.iter().map(volume).sum()
     }
 
     /// Lowest and highest coordinates, m.
     #[must_use]
     pub fn bounds(&self) -> [[f64; 3]; 2] {
         let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for p in &self.nodes {
+        for p in self.nodes.iter().chain(self.curves.iter().map(|(_, middle)| middle)) {
             for k in 0..3 {
                 bounds[0][k] = bounds[0][k].min(p[k]);
                 bounds[1][k] = bounds[1][k].max(p[k]);
@@ -234,6 +332,7 @@ impl TetMesh {
     #[must_use]
     pub fn scaled(mut self, factor: f64) -> Self {
         self.nodes.iter_mut().flatten().for_each(|x| *x *= factor);
+        self.curves.iter_mut().flat_map(|(_, middle)| middle).for_each(|x| *x *= factor);
         self
     }
 
@@ -258,6 +357,16 @@ impl TetMesh {
             ("smallest_ratio_of_radii", quality.worst.ratio.into()),
         ]
     }
+}
+
+/// Returns true if a position is finite and within 1e6 m.
+fn is_near(p: &[f64; 3]) -> bool {
+    p.iter().all(|x| x.abs() <= 1e6)
+}
+
+/// The edges of an element, in the order of [`EDGES`], with ascending ends.
+pub(in crate::solid) fn edges(tet: &[u32; 4]) -> [[u32; 2]; 6] {
+    EDGES.map(|[a, b]| [tet[a].min(tet[b]), tet[a].max(tet[b])])
 }
 
 fn sorted(mut face: [u32; 3]) -> [u32; 3] {

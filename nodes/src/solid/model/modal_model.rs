@@ -264,22 +264,31 @@ fn bound(residual: f64, lowest: i32) -> f64 {
     (lowest..=0).map(|k| libm::exp10(k.into())).find(|bound| residual <= *bound).unwrap_or(1.0)
 }
 
-/// Hash of the nodes and elements of a mesh.
+/// Hash of the nodes, elements and curves of a mesh.
 fn hash(mesh: &TetMesh) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    for x in mesh.nodes.iter().flatten() {
+    let middles = mesh.curves.iter().map(|(_, middle)| middle);
+    for x in mesh.nodes.iter().chain(middles).flatten() {
         hasher.update(&x.to_le_bytes());
     }
-    for c in mesh.tets.iter().flatten() {
+    let ends = mesh.curves.iter().flat_map(|(ends, _)| ends);
+    for c in mesh.tets.iter().flatten().chain(ends) {
         hasher.update(&c.to_le_bytes());
     }
     *hasher.finalize().as_bytes()
 }
 
-/// Centre of mass, and moments of inertia about it: of each element exactly.
+/// Centre of mass, and moments of inertia about it: of each element exactly, if it is curved by quadrature.
 fn moments(mesh: &TetMesh, density: f64) -> ([f64; 3], [f64; 6]) {
     let (mut mass, mut first) = (0.0, [0.0; 3]);
     for tet in &mesh.tets {
+        if let Some(points) = mesh.curved(tet) {
+            for p in &points {
+                mass += density * p.weight;
+                (0..3).for_each(|k| first[k] += density * p.weight * p.position[k]);
+            }
+            continue;
+        }
         let p = mesh.corners(tet);
         let m = density * signed_volume(&p);
         mass += m;
@@ -288,15 +297,23 @@ fn moments(mesh: &TetMesh, density: f64) -> ([f64; 3], [f64; 6]) {
     let centre = first.map(|x| x / mass);
     // The integral of x_a x_b is V / 20 times (sum of x_a) (sum of x_b) + sum of x_a x_b over the corners.
     let mut second = [[0.0; 3]; 3];
+    let mut add = |m: f64, entry: &dyn Fn(usize, usize) -> f64| {
+        for (a, row) in second.iter_mut().enumerate() {
+            row.iter_mut().enumerate().for_each(|(b, sum)| *sum += m * entry(a, b));
+        }
+    };
     for tet in &mesh.tets {
+        if let Some(points) = mesh.curved(tet) {
+            for p in &points {
+                let q = sub(p.position, centre);
+                add(density * p.weight, &|a, b| q[a] * q[b]);
+            }
+            continue;
+        }
         let p = mesh.corners(tet).map(|q| sub(q, centre));
         let m = density * signed_volume(&mesh.corners(tet)) / 20.0;
         let sum: [f64; 3] = std::array::from_fn(|k| p.iter().map(|q| q[k]).sum());
-        for (a, row) in second.iter_mut().enumerate() {
-            for (b, entry) in row.iter_mut().enumerate() {
-                *entry += m * (sum[a] * sum[b] + p.iter().map(|q| q[a] * q[b]).sum::<f64>());
-            }
-        }
+        add(m, &|a, b| sum[a] * sum[b] + p.iter().map(|q| q[a] * q[b]).sum::<f64>());
     }
     let [xx, yy, zz] = [second[0][0], second[1][1], second[2][2]];
     (centre, [yy + zz, zz + xx, xx + yy, -second[0][1], -second[1][2], -second[2][0]])

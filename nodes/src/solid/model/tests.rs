@@ -8,7 +8,7 @@ use crate::material::DampingModel;
 use crate::modal::surface::contact::{ContactError, contacts};
 use crate::solid::fem::eigen::Request;
 use crate::solid::fem::elements::{Isotropic, Order};
-use crate::solid::mesh::shapes::{ball, block};
+use crate::solid::mesh::shapes::{ball, block, round_ball};
 use crate::solid::mesh::tet_mesh::TetMesh;
 use std::f64::consts::{PI, TAU};
 
@@ -36,6 +36,19 @@ fn figures_of_a_bar_are_those_of_its_shape() {
     let expected = mass / 12.0 * (0.2 * 0.2 + 0.03 * 0.03);
     assert!((bar.inertia[2] / expected - 1.0).abs() < 1e-12);
     assert!(bar.inertia[3..].iter().all(|x| x.abs() < 1e-12 * mass));
+}
+
+#[test]
+fn figures_of_a_ball_are_those_within_its_curved_edges() {
+    let errors = [ball(0.05, 4), round_ball(0.05, 4)].map(|mesh| {
+        let ball = model(&mesh, &STEEL, 29_000.0);
+        let mass = 7850.0 * 4.0 / 3.0 * PI * 0.05_f64.powi(3);
+        let inertia = 0.4 * mass * 0.05 * 0.05;
+        assert!(ball.centre.iter().all(|x| x.abs() < 1e-12));
+        [ball.mass / mass - 1.0, ball.inertia[0] / inertia - 1.0]
+    });
+    assert!(errors[0].iter().all(|e| *e < -0.05), "{errors:?}");
+    assert!(errors[1].iter().all(|e| e.abs() < 0.005), "{errors:?}");
 }
 
 #[test]

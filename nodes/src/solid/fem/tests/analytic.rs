@@ -4,12 +4,14 @@ use super::solver::{frequencies, solve};
 use crate::solid::fem::eigen::Request;
 use crate::solid::fem::elements::Order;
 use crate::solid::mesh::formats::read_tets;
-use crate::solid::mesh::shapes::block;
+use crate::solid::mesh::shapes::{ball, block, round_ball};
+use crate::solid::mesh::tet_mesh::TetMesh;
 use crate::solid::model::analytic::{
-    BAR, BENDING, LONGITUDINAL, PLATE, STEEL, TORSION, plate, sphere as sphere_modes,
+    BAR, BENDING, LONGITUDINAL, PLATE, RADIUS, SPHERE, STEEL, TORSION, plate, sphere as sphere_modes,
+    sphere_unit,
 };
 
-fn modes(mesh: &crate::solid::mesh::tet_mesh::TetMesh, order: Order, highest: f64) -> Vec<f64> {
+fn modes(mesh: &TetMesh, order: Order, highest: f64) -> Vec<f64> {
     frequencies(&solve(mesh, order, &STEEL, &Request { highest, ..Request::default() }).unwrap())
 }
 
@@ -72,6 +74,28 @@ fn sphere(cells: usize, first: usize) -> Vec<(f64, f64)> {
 fn a_sphere_has_modes_in_groups_of_their_multiplicity() {
     for (k, (low, high)) in sphere(6, 2).into_iter().enumerate() {
         assert!(low > 0.0 && high < 0.02, "{k}: {low} {high}");
+    }
+}
+
+#[test]
+fn a_ball_with_curved_edges_is_closer_to_the_sphere() {
+    // 384 elements. Found: volume -7.12 and -0.06 %, T2 2.64 and 0.25 %, S2 2.77 and 0.32 %.
+    const CELLS: usize = 4;
+    let unit = sphere_unit();
+    // Errors of the volume, and of the mean frequencies of T2 and S2.
+    let errors = |mesh: &TetMesh| {
+        let found = modes(mesh, Order::Quadratic, 2.9 * unit);
+        assert_eq!(found.len(), 10);
+        let mean = |k: usize| found[5 * k..5 * k + 5].iter().sum::<f64>() / 5.0 / unit;
+        let volume = 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3);
+        [off(mesh.volume(), volume), off(mean(0), SPHERE[0].0), off(mean(1), SPHERE[1].0)]
+    };
+    let straight = errors(&ball(RADIUS, CELLS));
+    let round = round_ball(RADIUS, CELLS);
+    let round = TetMesh::with_curves(round.nodes, round.tets, round.curves).unwrap();
+    let curved = errors(&round);
+    for (k, (straight, curved)) in straight.iter().zip(curved).enumerate() {
+        assert!(curved.abs() < [0.02, 0.15, 0.15][k] * straight.abs(), "{k}: {straight} {curved}");
     }
 }
 

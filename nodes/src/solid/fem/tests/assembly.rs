@@ -5,7 +5,7 @@ use crate::solid::fem::assembly::Discretisation;
 use crate::solid::fem::block_matrix::BlockMatrix;
 use crate::solid::fem::elements::Order;
 use crate::solid::fem::rigid::rigid_motions;
-use crate::solid::mesh::shapes::block;
+use crate::solid::mesh::shapes::{block, round_ball};
 use crate::solid::mesh::tet_mesh::TetMesh;
 use faer::Mat;
 
@@ -26,7 +26,16 @@ fn uneven() -> TetMesh {
 }
 
 fn assembled(order: Order) -> (TetMesh, Discretisation, BlockMatrix) {
-    let mesh = uneven();
+    of_mesh(uneven(), order)
+}
+
+/// A ball with curved edges in order 2.
+fn curved() -> (TetMesh, Discretisation, BlockMatrix) {
+    let mesh = round_ball(0.05, 4);
+    of_mesh(TetMesh::with_curves(mesh.nodes, mesh.tets, mesh.curves).unwrap(), Order::Quadratic)
+}
+
+fn of_mesh(mesh: TetMesh, order: Order) -> (TetMesh, Discretisation, BlockMatrix) {
     let space = Discretisation::new(&mesh, order);
     let matrix = space.assemble(&STEEL);
     (mesh, space, matrix)
@@ -34,8 +43,7 @@ fn assembled(order: Order) -> (TetMesh, Discretisation, BlockMatrix) {
 
 #[test]
 fn matrices_are_symmetric_and_the_mass_is_that_of_the_volume() {
-    for order in ORDERS {
-        let (mesh, _, matrix) = assembled(order);
+    for (mesh, _, matrix) in ORDERS.map(assembled).into_iter().chain([curved()]) {
         let [stiffness, mass] = matrix.dense();
         assert_eq!(stiffness, stiffness.transpose().to_owned());
         assert_eq!(mass, mass.transpose().to_owned());
@@ -55,8 +63,7 @@ fn mid_edge_nodes_are_shared() {
 
 #[test]
 fn rigid_motions_have_no_elastic_energy() {
-    for order in ORDERS {
-        let (mesh, space, matrix) = assembled(order);
+    for (mesh, space, matrix) in ORDERS.map(assembled).into_iter().chain([curved()]) {
         let rigid = rigid_motions(&mesh, &space, &matrix).unwrap();
         let force = matrix.stiffness_times(rigid.as_ref());
         let bound = matrix.absolute_stiffness_times(rigid.as_ref());
@@ -98,6 +105,45 @@ fn linear_displacements_pass_the_patch_test() {
         let energy = (u.transpose() * &force)[(0, 0)];
         assert!((energy / expected - 1.0).abs() < 1e-12, "{energy} {expected}");
     }
+}
+
+#[test]
+fn linear_displacements_of_curved_elements_have_their_energy() {
+    let (mesh, space, matrix) = curved();
+    assert!(space.curved.iter().any(|c| *c) && space.curved.iter().any(|c| !c));
+    // Stretched along x: (lambda + 2 mu) V, and no force inside.
+    let u =
+        Mat::from_fn(3 * space.nodes.len(), 1, |i, _| if i % 3 == 0 { space.nodes[i / 3][0] } else { 0.0 });
+    let force = matrix.stiffness_times(u.as_ref());
+    let [lambda, mu] = STEEL.lame();
+    let energy = (u.transpose() * &force)[(0, 0)] / ((lambda + 2.0 * mu) * mesh.volume());
+    assert!((energy - 1.0).abs() < 1e-12, "{energy}");
+    let largest = matrix.absolute_stiffness_times(u.as_ref()).col(0).norm_max();
+    let inner =
+        (0..space.nodes.len()).filter(|i| space.nodes[*i].iter().map(|x| x * x).sum::<f64>() < 0.0015);
+    let mut count = 0;
+    for i in inner {
+        count += 1;
+        (0..3).for_each(|a| assert!(force[(3 * i + a, 0)].abs() < 1e-9 * largest));
+    }
+    assert!(count > 50, "{count}");
+}
+
+#[test]
+fn curves_on_straight_edges_give_the_same_matrices() {
+    let mut mesh = uneven();
+    let (_, _, straight) = of_mesh(mesh.clone(), Order::Quadratic);
+    let edges: std::collections::BTreeSet<[u32; 2]> =
+        mesh.tets.iter().flat_map(crate::solid::mesh::tet_mesh::edges).collect();
+    mesh.curves = edges.into_iter().map(|ends| (ends, mesh.middle(ends))).collect();
+    let (_, space, curved) = of_mesh(mesh, Order::Quadratic);
+    assert!(space.curved.iter().all(|c| *c));
+    let near = |a: &[f64], b: &[f64]| {
+        let largest = a.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-12 * largest)
+    };
+    assert!(near(&straight.mass, &curved.mass));
+    assert!(near(straight.stiffness.as_flattened(), curved.stiffness.as_flattened()));
 }
 
 #[test]

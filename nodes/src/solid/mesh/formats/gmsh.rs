@@ -1,12 +1,14 @@
 //! Gmsh `.msh`: version 2.2 as ASCII, version 4.1 as ASCII or binary.
 
 use super::super::tet_mesh::TetMeshError;
-use super::raw::Raw;
+use super::raw::{MiddleOrder, Raw};
 use super::source::{Endian, Source, shown};
 
 /// An element type: number, nodes, name.
 type Kind = (i64, usize, &'static str);
 
+/// Tetrahedra of order 2 have the edges between the corners 2, 3 and 1, 3 last.
+const MIDDLES: MiddleOrder = [0, 1, 2, 3, 5, 4];
 /// Element types of up to two dimensions, which are skipped, and tetrahedra.
 const READ: [Kind; 24] = [
     (1, 2, "line"),
@@ -210,7 +212,7 @@ fn element(source: &mut Source<'_>, raw: &mut Raw, nodes: usize, solid: bool) ->
     for tag in tags.iter_mut() {
         *tag = source.size("the number of a node")?;
     }
-    if solid { raw.element(tags).map_err(|e| source.error(e)) } else { Ok(()) }
+    if solid { raw.element(tags, Some(MIDDLES)).map_err(|e| source.error(e)) } else { Ok(()) }
 }
 
 fn old_nodes(source: &mut Source<'_>, raw: &mut Raw) -> Result<(), TetMeshError> {

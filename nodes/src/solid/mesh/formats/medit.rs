@@ -1,9 +1,11 @@
 //! Medit `.mesh`, ASCII.
 
 use super::super::tet_mesh::TetMeshError;
-use super::raw::Raw;
+use super::raw::{MiddleOrder, Raw};
 use super::source::{Source, shown};
 
+/// Order of the edges of a tetrahedron of order 2.
+const MIDDLES: MiddleOrder = [0, 1, 2, 3, 4, 5];
 /// Solid elements that are not tetrahedra.
 const OTHERS: [&[u8]; 4] = [b"hexahedra", b"prisms", b"pyramids", b"hexaedra"];
 
@@ -58,7 +60,7 @@ fn elements<const N: usize>(source: &mut Source<'_>, raw: &mut Raw) -> Result<()
             *tag = source.size("the number of a vertex")?;
         }
         source.real("the reference of the tetrahedron")?;
-        raw.element(&tags).map_err(|e| source.error(e))?;
+        raw.element(&tags, Some(MIDDLES)).map_err(|e| source.error(e))?;
     }
     Ok(())
 }

@@ -7,8 +7,9 @@ mod source;
 mod tetgen;
 mod vtu;
 
-use super::tet_mesh::{TetMesh, TetMeshError};
+use super::tet_mesh::{TetMesh, TetMeshError, edges};
 use source::Source;
+use std::collections::HashMap;
 
 #[cfg(test)]
 mod tests;
@@ -55,18 +56,31 @@ pub fn read_tets(bytes: &[u8], nodes: Option<&[u8]>) -> Result<TetMesh, TetMeshE
     raw.mesh()
 }
 
-/// Writes a mesh as Medit `.mesh`.
+/// Writes a mesh as Medit `.mesh`, with elements of order 2 if edges are curved.
 #[must_use]
 pub fn write_medit(mesh: &TetMesh) -> String {
     use std::fmt::Write as _;
-    let mut text = format!("MeshVersionFormatted 2\nDimension 3\nVertices\n{}\n", mesh.nodes.len());
-    for [x, y, z] in &mesh.nodes {
+    let mut nodes = mesh.nodes.clone();
+    let mut middles = HashMap::new();
+    let mut elements = String::new();
+    for tet in &mesh.tets {
+        for corner in tet {
+            let _ = write!(elements, "{} ", corner + 1);
+        }
+        for ends in if mesh.curves.is_empty() { Vec::new() } else { edges(tet).to_vec() } {
+            let node = middles.entry(ends).or_insert_with(|| {
+                nodes.push(mesh.middle(ends));
+                nodes.len()
+            });
+            let _ = write!(elements, "{node} ");
+        }
+        elements += "0\n";
+    }
+    let mut text = format!("MeshVersionFormatted 2\nDimension 3\nVertices\n{}\n", nodes.len());
+    for [x, y, z] in &nodes {
         let _ = writeln!(text, "{x:?} {y:?} {z:?} 0");
     }
-    let _ = writeln!(text, "Tetrahedra\n{}", mesh.tets.len());
-    for tet in &mesh.tets {
-        let [a, b, c, d] = tet.map(|c| c + 1);
-        let _ = writeln!(text, "{a} {b} {c} {d} 0");
-    }
-    text + "End\n"
+    let name = if mesh.curves.is_empty() { "Tetrahedra" } else { "TetrahedraP2" };
+    let _ = writeln!(text, "{name}\n{}", mesh.tets.len());
+    text + &elements + "End\n"
 }

@@ -168,13 +168,61 @@ fn all_formats_give_the_same_mesh() {
     }
 }
 
+/// One element with the edges of Gmsh, of which the edge between the corners 1 and 3 has its node off by some distance along x.
+fn one_curved(off: f64) -> (Vec<[f64; 3]>, Vec<Vec<u32>>) {
+    let nodes = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let (mut nodes, tets) = second_order(&TetMesh::new(nodes, vec![[0, 1, 2, 3]]).unwrap());
+    nodes[9][0] += off;
+    (nodes, tets)
+}
+
 #[test]
-fn curved_elements_are_refused() {
+fn curved_elements_have_the_volume_within_the_curves() {
+    // x = L1 + 4 s L1 L3 has the Jacobian 1 + 4 s L3, with the mean 1 + s.
+    let (nodes, tets) = one_curved(0.1);
+    let mesh = read_tets(msh2(&nodes, &tets).as_bytes(), None).unwrap();
+    assert_eq!((mesh.nodes.len(), &mesh.curves), (4, &vec![([1, 3], [0.6, 0.0, 0.5])]));
+    assert!((mesh.volume() - 1.1 / 6.0).abs() < 1e-15);
+    assert_eq!(read_tets(write_medit(&mesh).as_bytes(), None), Ok(mesh.clone()));
+    // The order of VTK.
+    let ids: Vec<String> = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8].map(|k| tets[0][k].to_string()).into();
+    let text = vtu(&TetMesh { nodes, tets: vec![[0; 4]], curves: Vec::new() }, true)
+        .replace("0 0 0 0\n</", &format!("{}\n</", ids.join(" ")))
+        .replace("4\n</", "10\n</")
+        .replace("10\n</DataArray>\n</Cells>", "24\n</DataArray>\n</Cells>");
+    assert_eq!(read_tets(text.as_bytes(), None), Ok(mesh));
+}
+
+#[test]
+fn folded_elements_and_curves_of_an_unknown_order_are_errors() {
+    let (nodes, tets) = one_curved(-0.6);
+    let e = read_tets(msh2(&nodes, &tets).as_bytes(), None).unwrap_err();
+    assert!(matches!(e, TetMeshError::Folded { tet: 0, .. }), "{e}");
+    let (nodes, tets) = one_curved(0.1);
+    let line = |k: usize, [x, y, z]: &[f64; 3]| format!("{k} {x:?} {y:?} {z:?}\n");
+    let lines: String = nodes.iter().enumerate().map(|(k, p)| line(k, p)).collect();
+    let ids: Vec<String> = tets[0].iter().map(u32::to_string).collect();
+    let elements = format!("1 10 0\n0 {}\n", ids.join(" "));
+    let e = read_tets(elements.as_bytes(), Some(format!("10 3 0 0\n{lines}").as_bytes())).unwrap_err();
+    assert!(e.to_string().contains("curved elements of this format are not read"), "{e}");
+}
+
+#[test]
+fn two_curves_of_one_edge_are_an_error() {
     let (mut nodes, tets) = second_order(&mesh());
-    let last = nodes.len() - 1;
+    // The first edge of the last element belongs to another element too.
+    let last = nodes.len() - 6;
     nodes[last][0] += 1e-4;
     let e = read_tets(msh2(&nodes, &tets).as_bytes(), None).unwrap_err().to_string();
-    assert!(e.contains("curved elements are not read") && e.starts_with("line "), "{e}");
+    assert!(e.contains("different nodes in the middle of one edge") && e.starts_with("line "), "{e}");
+}
+
+#[test]
+fn a_round_ball_passes_through_a_file() {
+    let ball = crate::solid::mesh::shapes::round_ball(0.05, 4);
+    let ball = TetMesh::with_curves(ball.nodes, ball.tets, ball.curves).unwrap();
+    assert!(ball.curves.len() > 100);
+    assert_eq!(read_tets(write_medit(&ball).as_bytes(), None), Ok(ball));
 }
 
 #[test]

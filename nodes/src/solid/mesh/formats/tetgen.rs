@@ -33,7 +33,7 @@ pub(super) fn read(elements: &[u8], nodes: Option<&[u8]>) -> Result<Raw, TetMesh
         for tag in tags.iter_mut() {
             *tag = source.size("the number of a node")?;
         }
-        raw.element(tags).map_err(|e| source.error(e))?;
+        raw.element(tags, None).map_err(|e| source.error(e))?;
         source.rest_of_line();
     }
     end(&mut source, "elements", count)?;

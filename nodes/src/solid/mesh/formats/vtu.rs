@@ -1,11 +1,13 @@
 //! VTK XML unstructured grid, `.vtu`, with arrays as ASCII or as inline base64.
 
 use super::super::tet_mesh::TetMeshError;
-use super::raw::Raw;
+use super::raw::{MiddleOrder, Raw};
 use super::source::shown;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
+/// Order of the edges of a quadratic tetrahedron.
+const MIDDLES: MiddleOrder = [0, 1, 2, 3, 4, 5];
 /// Cells of up to two dimensions, which are skipped.
 const FLAT: [u64; 17] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 21, 22, 23, 28, 30, 34, 68, 69];
 
@@ -170,7 +172,7 @@ fn cells(raw: &mut Raw, connectivity: &[u64], offsets: &[u64], kinds: &[u64]) ->
         })?;
         start = end;
         match (kind, nodes.len()) {
-            (10, 4) | (24, 10) => raw.element(nodes)?,
+            (10, 4) | (24, 10) => raw.element(nodes, Some(MIDDLES))?,
             (10 | 24, n) => {
                 return Err(format!(
                     "cell {k} is a tetrahedron of type {kind} with {n} nodes; 4 or 10 are needed"
