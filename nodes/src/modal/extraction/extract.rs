@@ -3,10 +3,11 @@
 use super::dictionary::Problem;
 use super::exponentials::{C, add, energy, products};
 use super::feature::{Feature, MAX_DECAY};
-use super::greedy::greedy;
+use super::greedy::{Request, greedy};
 use super::noise_bands::noise_bands;
 use super::noise_floor::NoiseFloor;
 use super::onset::onset;
+use super::peak_fit::FitDomain;
 use super::refinement::{Limits, Sines, refine, unit_deviations};
 use super::subband::candidates;
 use crate::modal::mode::modes::{MODES_VERSION, Modes};
@@ -14,7 +15,8 @@ use crate::modal::residual::noise_band::NoiseBand;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use thiserror::Error;
 
-/// Method that finds the modes of a recording. All are refined jointly afterwards, with the same amplitudes and deviations.
+/// Method that finds the modes of a recording. All but those by powers are refined jointly afterwards, with the same amplitudes and
+/// deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Extractor {
     /// ESPRIT in bands, and selection by what the modes explain beside each other: for modes that are close or decay fast.
@@ -23,6 +25,14 @@ pub enum Extractor {
     /// alone, as in the paper.
     Greedy {
         /// Share of the energy.
+        target: f64,
+        /// What is fitted. The modes that are fitted to powers are not refined, and their deviations are those of a complex fit, which has
+        /// smaller errors.
+        domain: FitDomain,
+    },
+    /// `Subband`, then `Greedy` in what its modes leave unexplained, and the selection among all.
+    Hybrid {
+        /// Share of the energy above the noise.
         target: f64,
     },
 }
@@ -282,16 +292,30 @@ fn search(x: &[f64], rate: f64, limits: &Limits, params: &ExtractParams, noise: 
         let left = posed.backward(&exponents, &products(x, &exponents), &thresholds(&exponents), modes);
         pick(&exponents, left)
     };
-    let exponents = match params.extractor {
-        Extractor::Subband => {
-            let all = candidates(x, rate, limits);
-            let surplus = ((modes as f64 * SURPLUS) as usize).max(modes + 4);
-            pick(&all, posed.forward(&all, &products(x, &all), &thresholds(&all), surplus))
-        }
-        Extractor::Greedy { target } => greedy(x, rate, limits, modes, target, noise),
+    let surplus = ((modes as f64 * SURPLUS) as usize).max(modes + 4);
+    let subband = || {
+        let all = candidates(x, rate, limits);
+        pick(&all, posed.forward(&all, &products(x, &all), &thresholds(&all), surplus))
     };
+    let peaks = |request: Request<'_>| greedy(x, rate, limits, &request, noise);
+    let both = |exponents: Vec<C>| without_surplus(refined(x, rate, limits, without_surplus(exponents)));
     // The refinement may have made some superfluous.
-    without_surplus(refined(x, rate, limits, without_surplus(exponents)))
+    match params.extractor {
+        Extractor::Subband => both(subband()),
+        Extractor::Greedy { target, domain } => {
+            let found = peaks(Request { modes, target, domain, known: &[] });
+            match domain {
+                FitDomain::Complex => both(found),
+                FitDomain::Power => without_surplus(found),
+            }
+        }
+        Extractor::Hybrid { target } => {
+            let mut all = both(subband());
+            let modes = surplus.saturating_sub(all.len());
+            all.extend(peaks(Request { modes, target, domain: FitDomain::Complex, known: &all }));
+            both(all)
+        }
+    }
 }
 
 /// Refines exponents with the smallest penalty at which no amplitude exceeds the limit.

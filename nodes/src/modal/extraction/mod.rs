@@ -1,6 +1,6 @@
 //! Modes from recordings.
 //!
-//! Candidates come from ESPRIT in bands (`subband`), are selected by what they explain (`dictionary`), and refined jointly (`refinement`).
+//! Candidates come from ESPRIT in bands (`subband`), from peaks of spectrograms (`greedy`), or from both, are selected by what they explain (`dictionary`), and refined jointly (`refinement`).
 
 mod bands;
 pub mod comparison;
@@ -17,6 +17,7 @@ mod noise_bands;
 mod noise_floor;
 pub mod one_object;
 pub mod onset;
+pub mod peak_fit;
 pub mod poles;
 mod refinement;
 pub mod report;

@@ -5,6 +5,7 @@ use super::extract::{ExtractParams, Extractor, extract};
 use super::feature::{FeatureSet, FeatureSets};
 use super::one_object::{ONE_OBJECT, TakeSound, compare_takes, median_of_take};
 use super::onset::{impacts, onset};
+use super::peak_fit::FitDomain;
 use super::report::{ExtractionReport, PICTURE, RINGING, RecordingReport, spectrogram};
 use super::room::Room;
 use super::sources::{Source, Sources};
@@ -41,6 +42,8 @@ choices! {
         Subband,
         /// Peaks of spectrograms, one after the other, as in the paper: for modes that stand alone.
         Greedy,
+        /// `Subband`, then `Greedy` in what its modes leave unexplained: takes as long as both.
+        Hybrid,
     }
 }
 choices! {
@@ -90,7 +93,9 @@ params! {
         unusable: Unusable = Unusable::Error;
         /// Method that finds the modes.
         extractor: Search = Search::Subband;
-        /// Share of the energy above the noise at which `Greedy` ends.
+        /// What `Greedy` fits to a peak. The modes of `Power` are not refined jointly, and their standard deviations are lower bounds.
+        fit_domain: FitDomain = FitDomain::Complex;
+        /// Share of the energy above the noise at which `Greedy` and `Hybrid` end.
         target: f64 = 0.999, unit "", range 0.01..=1.0;
         /// Maximum number of modes of each recording.
         count: usize = 64, unit "modes", range 1..=1024;
@@ -163,7 +168,8 @@ impl ModalFeaturesParams {
     fn extract_params(&self) -> ExtractParams {
         let extractor = match self.extractor {
             Search::Subband => Extractor::Subband,
-            Search::Greedy => Extractor::Greedy { target: self.target },
+            Search::Greedy => Extractor::Greedy { target: self.target, domain: self.fit_domain },
+            Search::Hybrid => Extractor::Hybrid { target: self.target },
         };
         ExtractParams {
             extractor,
@@ -302,6 +308,11 @@ impl Func for ModalFeatures {
                 s.wrong(reject.help("leave out one of both"));
             }
         }
+        if p.fit_domain == FitDomain::Power && p.extractor != Search::Greedy {
+            let reject =
+                Reject::new("F077", "`fit_domain: Power` belongs to the extractor `Greedy`").at("fit_domain");
+            s.wrong(reject.help("set `extractor: Greedy`, or leave it out"));
+        }
         let sources = p.sources().all(s)?;
         for source in &sources {
             if !RECORDINGS.check_one(s, &source.field, &source.path) {
@@ -379,6 +390,7 @@ impl Func for ModalFeatures {
             manifest: (!from_list).then(|| "takes.csv".into()),
             material: "".into(),
             split: Split::First,
+            fit_domain: FitDomain::Complex,
             count: 1 + rng.below(8),
             lowest: rng.between(10.0, 100.0),
             highest: rng.between(2500.0, 5000.0),

@@ -19,9 +19,9 @@ fn sound(modes: &[Mode], rate: f64, seconds: f64, silence: usize, noise: f64, se
     out.iter().map(|x| (x + noise * normal_quantile(rng.uniform().max(1e-12))) as f32).collect()
 }
 
-/// Both extractors.
+/// Two of the extractors.
 fn extractors() -> [ExtractParams; 2] {
-    [Extractor::Subband, Extractor::Greedy { target: 0.9999 }]
+    [Extractor::Subband, Extractor::Greedy { target: 0.9999, domain: FitDomain::Complex }]
         .map(|extractor| ExtractParams { extractor, ..ExtractParams::default() })
 }
 
@@ -164,12 +164,68 @@ fn a_hum_is_no_mode_of_the_material() {
 }
 
 #[test]
+fn fits_to_powers_measure_modes_that_stand_alone() {
+    let extractor = Extractor::Greedy { target: 0.9999, domain: FitDomain::Power };
+    let params = ExtractParams { extractor, ..ExtractParams::default() };
+    let mut worst = [0.0_f64; 2];
+    for (seed, f) in [500.0, 1500.0, 8000.0].into_iter().enumerate() {
+        for d in [3.0, 30.0, 200.0] {
+            // 40 dB.
+            let samples = sound(&[(f, d, 0.5, 0.3)], 44_100.0, 1.5, 6000, 0.005, seed as u64);
+            let feature = nearest(&extract(&samples, 44_100.0, &params).unwrap(), f);
+            let errors = [(feature.decay / d - 1.0).abs(), (feature.freq_hz - f).abs() / (1.0 + 0.02 * d)];
+            worst = [worst[0].max(errors[0]), worst[1].max(errors[1])];
+        }
+    }
+    eprintln!("fits to powers: largest errors of decay {:.4} and frequency {:.4}", worst[0], worst[1]);
+    assert!(worst[0] < 0.04 && worst[1] < 0.2, "{worst:?}");
+}
+
+/// Number of modes that are found, by frequency and decay.
+fn found_of(modes: &[Mode], found: &Extracted) -> usize {
+    let near = |m: &&Mode| {
+        let same = |f: &Feature| (f.freq_hz - m.0).abs() < 0.5 && (f.decay / m.1 - 1.0).abs() < 0.1;
+        found.features.iter().any(same)
+    };
+    modes.iter().filter(near).count()
+}
+
+#[test]
+fn both_methods_together_find_at_least_the_modes_of_one() {
+    let mut counts = Vec::new();
+    for seed in 0..3 {
+        // 24 modes from 200 Hz to 12 kHz, two pairs close together, 50 dB.
+        let mut rng = Rng::new(100 + seed);
+        let mut modes: Vec<Mode> = (0..22)
+            .map(|k| {
+                let f = 200.0 * 60.0_f64.powf((f64::from(k) + 0.6 * rng.uniform()) / 22.0);
+                (f, 3.0 + 3e-3 * f, rng.between(0.01, 0.2), rng.between(0.0, 6.0))
+            })
+            .collect();
+        for (k, apart) in [(4, 5.3), (9, 10.0)] {
+            let (f, d, a, phase) = modes[k];
+            modes.push((f + apart, d, 0.7 * a, phase + 1.0));
+        }
+        let samples = sound(&modes, 44_100.0, 1.5, 6000, 1e-4, seed);
+        let count = |extractor| {
+            let found =
+                extract(&samples, 44_100.0, &ExtractParams { extractor, ..Default::default() }).unwrap();
+            (found_of(&modes, &found), found.features.len())
+        };
+        counts.push((count(Extractor::Subband), count(Extractor::Hybrid { target: 0.9999 })));
+    }
+    eprintln!("of 24 modes found, and all found, by one method and by both: {counts:?}");
+    assert!(counts.iter().all(|(one, both)| both.0 >= one.0 && both.0 >= 22 && both.1 <= 28), "{counts:?}");
+}
+
+#[test]
 fn the_search_by_peaks_ends_at_its_target() {
     // They have 96.2, 3.7 and 0.1 % of the energy.
     let modes = [(400.0, 6.0, 0.5, 0.0), (1700.0, 25.0, 0.2, 1.0), (5200.0, 60.0, 0.05, 2.0)];
     let samples = sound(&modes, 44_100.0, 1.5, 6000, 1e-4, 3);
     let count = |target| {
-        let params = ExtractParams { extractor: Extractor::Greedy { target }, ..ExtractParams::default() };
+        let extractor = Extractor::Greedy { target, domain: FitDomain::Complex };
+        let params = ExtractParams { extractor, ..ExtractParams::default() };
         extract(&samples, 44_100.0, &params).unwrap().features.len()
     };
     assert_eq!((count(0.5), count(0.98), count(0.9999)), (1, 2, 3));
