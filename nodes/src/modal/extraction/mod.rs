@@ -18,6 +18,7 @@ mod noise_floor;
 pub mod one_object;
 pub mod onset;
 pub mod peak_fit;
+mod phase_drift;
 pub mod poles;
 mod refinement;
 pub mod report;

@@ -6,6 +6,7 @@ use super::feature::{FeatureSet, FeatureSets};
 use super::one_object::{ONE_OBJECT, TakeSound, compare_takes, median_of_take};
 use super::onset::{impacts, onset};
 use super::peak_fit::FitDomain;
+use super::phase_drift::phase_drift;
 use super::report::{ExtractionReport, PICTURE, RINGING, RecordingReport, spectrogram};
 use super::room::Room;
 use super::sources::{Source, Sources};
@@ -62,8 +63,8 @@ params! {
     /// Recordings come from a list, from a folder, and from a manifest of takes, a CSV with the columns `file` (relative to the CSV), and
     /// optionally `object`, `material`, `support`, `hit`, `striker` and `licence`. Each is explained by damped sines, as in
     /// `ModalFromRecording`. Their frequencies and decay rates have standard deviations, which follow from what is left unexplained
-    /// around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it lists what was found, and
-    /// `table` has a row for each recording, for a `TableOut`.
+    /// around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it lists what was found, with the drift of the
+    /// phase of each mode, and `table` has a row for each recording, for a `TableOut`.
     ///
     /// A recording rings if it is explained better by 5 dB than noise with the same spectrogram, its surrogate: dull thuds are explained
     /// as well as their surrogates, and their modes say little of the material. Surrogates depend on the index of the recording only.
@@ -250,6 +251,7 @@ impl Found {
                 ringing: surrogate_db.map(|db| found.residual_db <= db - RINGING),
                 by_other_takes_db: None,
                 warnings: doubts(sound, rate, &found, room),
+                phase_drifts: certain.iter().map(|f| phase_drift(f, &found.residual, rate)).collect(),
                 features: certain.clone(),
                 picture: Image::grey(PICTURE, &pixels).unwrap_or_default(),
                 seconds,
@@ -292,7 +294,7 @@ impl Func for ModalFeatures {
     type Params = ModalFeaturesParams;
     type Ports = ModalFeaturesPorts;
     const NAME: &'static str = "ModalFeatures";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     // Recordings are named after their files.
     const EXPOSES_PATHS: bool = true;
 

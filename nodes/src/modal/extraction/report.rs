@@ -49,6 +49,10 @@ pub struct RecordingReport {
     pub warnings: Vec<String>,
     /// The modes.
     pub features: Vec<Feature>,
+    /// Largest departure of the phase of each mode from that of a constant frequency while it decays by 20 dB, rad; `None` if this takes
+    /// fewer than 16 periods. A mode that drifts has a complex shape, depends on its amplitude, or is two.
+    #[serde(default)]
+    pub phase_drifts: Vec<Option<f64>>,
     /// The spectrogram.
     pub picture: Image,
     /// Duration of the picture, s.

@@ -48,6 +48,8 @@ fn a_bell_rings_and_noise_does_not() {
         assert!((near.decay / d - 1.0).abs() < 0.01, "{near:?}");
     }
     assert!(report.plot().unwrap().contains("surrogate"));
+    assert_eq!(bell.phase_drifts.len(), bell.features.len());
+    assert!(bell.phase_drifts.iter().all(|d| d.is_some_and(|d| d < 0.02)), "{:?}", bell.phase_drifts);
 }
 
 #[test]
