@@ -8,6 +8,7 @@ use super::least_squares::{LeastSquares, Space};
 use super::lower_bound::lower_bound;
 use super::mixture::{MixtureFit, MixtureOptions, fit_mixture};
 use super::point::{DampingPoint, EstimationError, Sample, recordings};
+use super::prior::MaterialPrior;
 use super::report::{AtFrequency, Diagnostics, FitReport, FitWarning, PointReport, REPORTED_HZ};
 use super::uncertainty::{
     Replicates, bootstrap, covariance, information, parametric_bootstrap, refit, standard_errors, wald,
@@ -52,6 +53,8 @@ pub struct Settings {
     pub seed: u64,
     /// Fits the other families as well.
     pub compare: bool,
+    /// What is known of the parameters beforehand, for `Mixture` and `Likelihood`.
+    pub prior: Option<MaterialPrior>,
 }
 
 impl Settings {
@@ -67,6 +70,7 @@ impl Settings {
             ks_draws: 99,
             seed: 1,
             compare: true,
+            prior: None,
         }
     }
 }
@@ -79,11 +83,17 @@ pub fn estimate(points: &[DampingPoint], settings: &Settings) -> Result<FitRepor
     match settings.estimator {
         Estimator::Likelihood => {
             let fit = fit(points, &settings.mixture.fit)?;
+            if let Some(prior) = &settings.prior {
+                return prior_report(prior, &fit, None, points, settings);
+            }
             let information = information(&fit);
             likelihood_report("Likelihood", &fit, &information, None, points, settings)
         }
         Estimator::Mixture => {
             let found = fit_mixture(points, &settings.mixture)?;
+            if let Some(prior) = &settings.prior {
+                return prior_report(prior, &found.fit, Some(&found), points, settings);
+            }
             likelihood_report("Mixture", &found.fit, &found.information, Some(&found), points, settings)
         }
         Estimator::Hierarchical => hierarchical_report(points, settings),
@@ -113,6 +123,26 @@ fn at_frequencies(
     REPORTED_HZ.iter().map(each).collect()
 }
 
+/// The report of a fit with a prior, from one without it.
+fn prior_report(
+    prior: &MaterialPrior,
+    plain: &Fit,
+    mixture: Option<&MixtureFit>,
+    points: &[DampingPoint],
+    settings: &Settings,
+) -> Result<FitReport, EstimationError> {
+    if prior.family != plain.sample.family {
+        return Err(EstimationError::Option("the prior is that of another family of curves"));
+    }
+    let responsibility = mixture.map(|m| m.responsibility.as_slice());
+    let found = prior.fit(plain, responsibility);
+    let fit = found.ok_or(EstimationError::Option("the fit with the prior does not converge"))?;
+    let information = prior.information(&fit, responsibility);
+    let name = if mixture.is_some() { "Mixture" } else { "Likelihood" };
+    let name = format!("{name} with a prior of {} materials", prior.materials);
+    likelihood_report(&name, &fit, &information, mixture, points, settings)
+}
+
 fn likelihood_report(
     estimator: &str,
     fit: &Fit,
@@ -131,9 +161,11 @@ fn likelihood_report(
             if fit.sigma_at_floor() { "the noise is at its floor" } else { "a parameter is at its bound" };
         warnings.push(FitWarning::NonRegular(why.into()));
     }
-    let again = |sample: &Sample| match mixture {
-        Some(mixture) => mixture.refit(sample),
-        None => refit(fit, sample),
+    let responsibility = mixture.map(|m| m.responsibility.as_slice());
+    let again = |sample: &Sample| match (&settings.prior, mixture) {
+        (Some(prior), _) => prior.refit(fit, responsibility, sample),
+        (None, Some(mixture)) => mixture.refit(sample),
+        (None, None) => refit(fit, sample),
     };
     let replicates = (settings.draws > 0).then(|| {
         // Points of one recording are as independent as the model says.
@@ -151,14 +183,14 @@ fn likelihood_report(
     if let Some(failed) = replicates.as_ref().map(|r| r.failed).filter(|f| *f > 0) {
         warnings.push(FitWarning::FailedDraws(failed));
     }
-    let responsibility = mixture.map(|m| m.responsibility.as_slice());
     let per_point = diagnostics::point_reports(fit, points, responsibility);
     let (ks, excess_shape, correlation) = diagnostics::tests_of_points(points, &per_point);
-    let simulated = settings.ks_draws > 0 && points.len() <= MAX_SIMULATED;
+    // Simulated data and those without a recording are fitted without the prior.
+    let simulated = settings.ks_draws > 0 && points.len() <= MAX_SIMULATED && settings.prior.is_none();
     let ks_p =
         if simulated { diagnostics::distance_p(fit, ks, settings.ks_draws, settings.seed) } else { 1.0 };
     warnings.extend(diagnostics::distribution_warnings(excess_shape[1], correlation[0], ks_p));
-    if let Some(cov) = &cov {
+    if let Some(cov) = cov.as_ref().filter(|_| settings.prior.is_none()) {
         warnings.extend(diagnostics::recording_effect(fit, points, responsibility, cov));
     }
     let (comparisons, straight_p) = if settings.compare {

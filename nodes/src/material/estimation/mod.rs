@@ -17,6 +17,7 @@ pub mod mixture;
 pub(crate) mod newton;
 pub mod nnls;
 pub mod point;
+pub mod prior;
 pub mod reference;
 pub mod report;
 pub mod scan;

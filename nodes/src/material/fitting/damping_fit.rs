@@ -3,7 +3,7 @@
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
-use crate::core::params::{Params, Text};
+use crate::core::params::{AssetPath, Params, Text};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
@@ -13,8 +13,9 @@ use crate::material::estimation::fit::{FitOptions, Method};
 use crate::material::estimation::least_squares::Space;
 use crate::material::estimation::likelihood::Excess;
 use crate::material::estimation::mixture::MixtureOptions;
+use crate::material::estimation::prior::MaterialPrior;
 use crate::material::estimation::report::FitReport;
-use crate::material::library::{FitOrigin, Material, Uncertainty};
+use crate::material::library::{FitOrigin, Material, Uncertainty, read_material};
 use crate::material::points::damping_points::DampingPoints;
 use crate::{choices, params, ports};
 
@@ -23,7 +24,8 @@ choices! { @param Estimator {
     Mixture,
     /// Maximum likelihood, as in the paper.
     Likelihood,
-    /// Maximum likelihood with a mean support damping for each recording: several objects and supports of one material.
+    /// Maximum likelihood with a mean support damping for each recording: several objects and supports of one material. All parameters
+    /// are estimated at once: those of the material, the noise, and the support of each recording.
     Hierarchical,
     /// Non-negative least squares, which attributes all damping to the material.
     LeastSquares,
@@ -131,6 +133,10 @@ params! {
         source: Text = Text(String::new());
         /// Licence of the material's file.
         licence: Text = Text(String::new());
+        /// Files of materials with dampings of the family `model`, at least two more than it has parameters: their logarithms have a normal
+        /// prior of the mean and the covariance of these materials, which helps where recordings are few. For `Mixture` and `Likelihood`
+        /// with `Rayleigh`, `Power` or `Hybrid`. The test of the fit and the effect of single recordings are left out.
+        prior: Vec<AssetPath> = Vec::new();
     }
 }
 ports! {
@@ -203,6 +209,24 @@ impl DampingFitParams {
     }
 }
 
+/// The prior of materials in files, given their bytes in order; `None` without files.
+fn prior(p: &DampingFitParams, files: &[Vec<u8>]) -> Result<Option<MaterialPrior>, Reject> {
+    if p.prior.is_empty() {
+        return Ok(None);
+    }
+    let wrong = |message: String| Reject::new("F136", message).at("prior");
+    if !matches!(p.estimator, Estimator::Mixture | Estimator::Likelihood) {
+        return Err(wrong(format!("the estimator {:?} has no prior", p.estimator))
+            .help("set `estimator: Mixture` or `Likelihood`, or leave the prior out"));
+    }
+    let mut materials = Vec::with_capacity(files.len());
+    for (AssetPath(path), bytes) in p.prior.iter().zip(files) {
+        materials.push(read_material(bytes).map_err(|e| wrong(format!("{path:?}: {e}")))?);
+    }
+    let dampings: Vec<_> = materials.iter().map(|m| (m.name.as_str(), &m.damping)).collect();
+    MaterialPrior::new(family(p)?, &dampings).map(Some).map_err(wrong)
+}
+
 /// The figures of a report for the summary of a run.
 fn summary(report: &FitReport) -> Summary {
     let mut parameters = serde_json::Map::new();
@@ -244,6 +268,9 @@ impl Func for DampingFit {
 
     fn check(p: &DampingFitParams, s: &mut Shape<'_, '_, DampingFitPorts>) -> Result<(), Reject> {
         s.check(family(p));
+        let files = p.prior.iter().map(|path| s.bytes("prior", &path.0).map(|bytes| bytes.to_vec()));
+        let files = files.collect::<Result<Vec<_>, _>>()?;
+        s.check(prior(p, &files));
         if p.hi.is_some_and(|hi| hi <= p.lo) {
             let message = format!("`hi` is {} 1/s, `lo` {} 1/s", p.hi.unwrap_or(0.0), p.lo);
             s.wrong(Reject::new("F136", message).at("hi").help("it must be more"));
@@ -253,7 +280,9 @@ impl Func for DampingFit {
 
     fn eval(p: &DampingFitParams, cx: &Build<'_>, mut io: DampingFitIo<'_>) -> Result<Summary, Fault> {
         let seed = u64::from(cx.random.words(0, 0, 0)[0]);
-        let settings = p.settings(io.points.truncated_below, seed)?;
+        let files = p.prior.iter().map(|path| cx.bytes("prior", &path.0).map(|bytes| bytes.to_vec()));
+        let prior = prior(p, &files.collect::<Result<Vec<_>, _>>()?)?;
+        let settings = Settings { prior, ..p.settings(io.points.truncated_below, seed)? };
         let points = match p.group {
             SupportGroup::Support if p.estimator == Estimator::Hierarchical => io.points.by_support(),
             _ => io.points.points.clone(),
@@ -304,6 +333,7 @@ impl Func for DampingFit {
             lo: rng.between(0.01, 0.5),
             hi: None,
             pi_max: rng.between(0.2, 0.6),
+            prior: Vec::new(),
             ..DampingFitParams::trial(rng)
         };
         (p, MemoryFiles::default())
@@ -344,6 +374,40 @@ mod tests {
         );
         let report = run.value(1).unwrap().get::<FitReport>().cloned().unwrap();
         assert!(report.certified && report.n == 200);
+    }
+
+    #[test]
+    fn a_prior_of_materials_moves_a_fit_of_few_points() {
+        let names = ["porcelain", "stone", "wood", "steel"];
+        let list = names.map(|name| Datum::Text(format!("{name}.material.ron"))).to_vec();
+        let run = |prior: Vec<Datum>, few: usize| {
+            let p = params(&[("prior", Datum::List(prior)), ("estimator", Datum::Name("Likelihood".into()))]);
+            let points =
+                DampingPoints { points: shipped().points[..few].to_vec(), ..DampingPoints::default() };
+            let mut standalone = Standalone::func::<DampingFit>(p).value(DampingFitPorts::points, points);
+            for (name, (a1, a2)) in
+                names.iter().zip([(4.0, 1e-8), (1.5, 2.5e-8), (40.0, 1.3e-7), (2.0, 7e-8)])
+            {
+                let material = Material::new(*name, DampingModel::Rayleigh { a1, a2 });
+                let text = crate::material::library::write_material(&material, &[]);
+                standalone.files.insert(format!("{name}.material.ron"), text);
+            }
+            standalone.run().map(|run| run.value(0).unwrap().get::<Material>().cloned().unwrap())
+        };
+        let a = |m: Material| m.damping.parameters();
+        let change = |few: usize| {
+            let (with, without) = (a(run(list.clone(), few).unwrap()), a(run(Vec::new(), few).unwrap()));
+            (0..2).map(|j| (with[j] / without[j]).ln().abs()).fold(0.0, f64::max)
+        };
+        let (few, many) = (change(8), change(200));
+        assert!(few > 5.0 * many && many < 0.1, "{few} {many}");
+        let found = run(list.clone(), 200).unwrap();
+        assert_eq!(found.fit.unwrap().estimator, "Likelihood with a prior of 4 materials");
+        let fault = run(list[..2].to_vec(), 200).err().unwrap();
+        assert!(
+            fault.code == "F136" && fault.message.contains("2 materials; a prior of 2 parameters"),
+            "{fault:?}"
+        );
     }
 
     #[test]
