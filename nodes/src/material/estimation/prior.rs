@@ -3,7 +3,7 @@
 use super::fit::Fit;
 use super::likelihood::Likelihood;
 use super::linear::inverse;
-use super::newton::{Objective, newton};
+use super::newton::{Objective, Stop, newton};
 use super::point::Sample;
 use super::scan::Effort;
 use crate::material::damping::{DampingModel, Family};
@@ -190,7 +190,7 @@ impl MaterialPrior {
         from_prior[..self.family.parameters()].copy_from_slice(&self.normalised_mean(sample));
         let mut best: Option<(f64, Vec<f64>, f64)> = None;
         for mut w in [from_fit, from_prior] {
-            let out = newton(&mut posterior, &bounds, &mut w, 1e-9, 100);
+            let out = newton(&mut posterior, &bounds, &mut w, Stop::Gradient(1e-9), 100);
             effort.add(out.steps, out.evaluations);
             if out.value.is_finite() && best.as_ref().is_none_or(|b| out.value > b.0) {
                 best = Some((out.value, w, out.gradient));
