@@ -30,7 +30,7 @@ pub enum Extractor {
         /// smaller errors.
         domain: FitDomain,
     },
-    /// `Subband`, then `Greedy` in what its modes leave unexplained, and the selection among all.
+    /// `Subband`, then `Greedy` in what its modes leave unexplained, and the selection among all where it explains more.
     Hybrid {
         /// Share of the energy above the noise.
         target: f64,
@@ -310,10 +310,14 @@ fn search(x: &[f64], rate: f64, limits: &Limits, params: &ExtractParams, noise: 
             }
         }
         Extractor::Hybrid { target } => {
-            let mut all = both(subband());
+            let explained = |s: &[C]| posed.amplitudes(s, &products(x, s)).map_or(0.0, |fit| fit.1);
+            let bands = both(subband());
+            let mut all = bands.clone();
             let modes = surplus.saturating_sub(all.len());
-            all.extend(peaks(Request { modes, target, domain: FitDomain::Complex, known: &all }));
-            both(all)
+            all.extend(peaks(Request { modes, target, domain: FitDomain::Complex, known: &bands }));
+            let found = both(all);
+            // A refinement with more modes may end in a worse optimum.
+            if explained(&found) >= explained(&bands) { found } else { bands }
         }
     }
 }
