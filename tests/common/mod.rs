@@ -18,6 +18,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Caches values and no streams.
+pub const VALUES: CachePolicy = CachePolicy {
+    seconds_per_byte: 0.0,
+    min_seconds: f64::INFINITY,
+    read_seconds_per_byte: 0.0,
+    max_nodes: 1000,
+};
+
 /// Caches every stream that can be cached.
 pub const ALL: CachePolicy =
     CachePolicy { seconds_per_byte: 0.0, min_seconds: 0.0, read_seconds_per_byte: 0.0, max_nodes: 1000 };
@@ -79,6 +87,20 @@ pub fn run_graph(
     out: &Path,
 ) -> Result<Report, String> {
     run_tapped(graph, files, options, &[], out)
+}
+
+/// The same with a cache.
+pub fn run_graph_cached(
+    graph: &Graph,
+    files: &DirFiles,
+    options: &PlanOptions,
+    memo: Option<&Memo>,
+    out: &Path,
+) -> Result<Report, String> {
+    let report = run_cached(graph, files, options, &[], memo, out)?;
+    let (there, planned) = (report.buffer_bytes, report.planned_bytes);
+    assert!(there <= planned, "{there} bytes of buffers, planned {planned}");
+    Ok(report)
 }
 
 /// The same with taps, `NODE.PORT=FILE` each, whose files land in the same folder.
@@ -154,10 +176,7 @@ pub fn run_file_cached(
 ) -> Result<Report, String> {
     let loaded = load(path, &LoadOptions::default());
     let graph = loaded.graph.ok_or_else(|| render(&loaded.diagnostics, &loaded.sources, false))?;
-    let report = run_cached(&graph, &DirFiles::new(loaded.root, Limits::default()), options, &[], memo, out)?;
-    let (there, planned) = (report.buffer_bytes, report.planned_bytes);
-    assert!(there <= planned, "{there} bytes of buffers, planned {planned}");
-    Ok(report)
+    run_graph_cached(&graph, &DirFiles::new(loaded.root, Limits::default()), options, memo, out)
 }
 
 /// A file or folder of the data beside the repository, if it exists; `FOLEY_DATA` names another folder.

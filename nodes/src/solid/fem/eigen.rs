@@ -14,6 +14,8 @@ use thiserror::Error;
 
 /// Relative distance of two eigenvalues between which a count is possible.
 const GAP: f64 = 1e-6;
+/// Relative difference up to which eigenvalues count as equal.
+const EQUAL: f64 = 1e-9;
 /// Rounding errors of `K phi`, in units of the rounding error of its terms, that a residual may have in addition.
 const ROUNDING: f64 = 8.0;
 /// Unknowns up to which dense matrices are used.
@@ -149,6 +151,10 @@ pub fn eigenmodes(
     if modes.lambda.is_empty() {
         return Err(EigenError::None { highest: request.highest });
     }
+    if align_equal(&modes.lambda, &mut modes.shapes) {
+        let all = residuals(matrix, &modes.lambda, modes.shapes.as_ref());
+        modes.residual = all.iter().map(|r| r.relative).fold(0.0, f64::max);
+    }
     fix_signs(&mut modes.shapes);
     Ok(modes)
 }
@@ -216,6 +222,43 @@ fn residuals(matrix: &BlockMatrix, lambda: &[f64], shapes: MatRef<'_, f64>) -> V
         }
     }
     all
+}
+
+/// Rotates the shapes of equal frequencies, as of bodies of revolution, which are determined up to a rotation only; returns true if there
+/// are any.
+///
+/// At the component where they are largest together all but the first are 0, and so on among the others. What depends on single shapes, as
+/// radiance does, then follows from the mesh, not from the iteration.
+fn align_equal(lambda: &[f64], shapes: &mut Mat<f64>) -> bool {
+    let (mut first, mut any) = (0, false);
+    while first < lambda.len() {
+        let equal = lambda[first..].iter().take_while(|x| **x <= lambda[first] * (1.0 + EQUAL)).count();
+        let end = first + equal;
+        any |= equal > 1;
+        for k in first..end.saturating_sub(1) {
+            let square = |i: usize| (k..end).map(|j| shapes[(i, j)].powi(2)).sum::<f64>();
+            let largest = (0..shapes.nrows()).map(square).fold(0.0, f64::max);
+            // The first of those that are equal up to rounding.
+            let Some(at) = (0..shapes.nrows()).find(|i| square(*i) > largest * (1.0 - 1e-6)) else {
+                continue;
+            };
+            for j in k + 1..end {
+                let (a, b) = (shapes[(at, k)], shapes[(at, j)]);
+                let length = libm::hypot(a, b);
+                if length == 0.0 {
+                    continue;
+                }
+                let (c, s) = (a / length, b / length);
+                for i in 0..shapes.nrows() {
+                    let (x, y) = (shapes[(i, k)], shapes[(i, j)]);
+                    shapes[(i, k)] = c * x + s * y;
+                    shapes[(i, j)] = c * y - s * x;
+                }
+            }
+        }
+        first = end;
+    }
+    any
 }
 
 /// Makes the largest component of each shape positive: the first of those that are equal up to rounding.

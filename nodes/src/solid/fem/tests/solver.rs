@@ -80,6 +80,21 @@ fn results_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
+fn shapes_of_equal_frequencies_do_not_depend_on_the_iteration() {
+    let mesh = block([0.1; 3], [3, 3, 3]);
+    let first = solve(&mesh, Order::Quadratic, &STEEL, &below(30e3)).unwrap();
+    let second = solve(&mesh, Order::Quadratic, &STEEL, &Request { shift: 1000.0, ..below(30e3) }).unwrap();
+    let equal = first.lambda.windows(2).filter(|x| x[1] < x[0] * (1.0 + 1e-9)).count();
+    assert!(equal > 3 && first.residual < 1e-8, "{equal} {}", first.residual);
+    for j in 0..first.lambda.len() {
+        let distance = (0..first.shapes.nrows())
+            .map(|i| (second.shapes[(i, j)] - first.shapes[(i, j)]).abs())
+            .fold(0.0, f64::max);
+        assert!(distance < 1e-6 * first.shapes.col(j).norm_max(), "{j}: {distance:e}");
+    }
+}
+
+#[test]
 fn two_parts_have_twelve_rigid_motions_and_each_mode_twice() {
     let one = block([0.1, 0.02, 0.01], [4, 1, 1]);
     let mut two = one.clone();
