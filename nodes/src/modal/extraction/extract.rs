@@ -213,12 +213,15 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
     let short = &sound[..searched(sound, rate)];
     let slowest = (LEAST_DECAY * rate / sound.len() as f64).max(DECAYS[0]);
     let limits = Limits { band, decays: [slowest, DECAYS[1]] };
-    let exponents = search(short, rate, &limits, params, &noise);
-    let sines = with_amplitudes(sound, rate, exponents);
-    if sines.exponents.is_empty() {
+    // Of several results of a search, the one that explains the most of the sound as a whole.
+    let found = search(short, rate, &limits, params, &noise).into_iter().map(|exponents| {
+        let sines = with_amplitudes(sound, rate, exponents);
+        (without(sound, &sines), sines)
+    });
+    let best = found.min_by(|(a, _), (b, _)| energy(a).total_cmp(&energy(b)));
+    let Some((mut residual, sines)) = best.filter(|(_, sines)| !sines.exponents.is_empty()) else {
         return Err(ExtractError::Nothing);
-    }
-    let mut residual = without(sound, &sines);
+    };
     let mut features = features(short.len(), rate, &sines, &residual, &noise);
     if !params.contact {
         let parts = features.len();
@@ -276,8 +279,8 @@ fn largest_amplitude(x: &[f64]) -> f64 {
     MAX_AMPLITUDE * x.iter().fold(0.0_f64, |m, x| m.max(x.abs()))
 }
 
-/// Exponents of the modes, selected and refined.
-fn search(x: &[f64], rate: f64, limits: &Limits, params: &ExtractParams, noise: &NoiseFloor) -> Vec<C> {
+/// Exponents of the modes, selected and refined; for `Hybrid` those of the bands, and those of both.
+fn search(x: &[f64], rate: f64, limits: &Limits, params: &ExtractParams, noise: &NoiseFloor) -> Vec<Vec<C>> {
     let posed = problem(x, PENALTIES[0]);
     let total = energy(x);
     // BIC: four parameters a mode.
@@ -301,23 +304,21 @@ fn search(x: &[f64], rate: f64, limits: &Limits, params: &ExtractParams, noise: 
     let both = |exponents: Vec<C>| without_surplus(refined(x, rate, limits, without_surplus(exponents)));
     // The refinement may have made some superfluous.
     match params.extractor {
-        Extractor::Subband => both(subband()),
+        Extractor::Subband => vec![both(subband())],
         Extractor::Greedy { target, domain } => {
             let found = peaks(Request { modes, target, domain, known: &[] });
-            match domain {
+            vec![match domain {
                 FitDomain::Complex => both(found),
                 FitDomain::Power => without_surplus(found),
-            }
+            }]
         }
         Extractor::Hybrid { target } => {
-            let explained = |s: &[C]| posed.amplitudes(s, &products(x, s)).map_or(0.0, |fit| fit.1);
             let bands = both(subband());
             let mut all = bands.clone();
             let modes = surplus.saturating_sub(all.len());
             all.extend(peaks(Request { modes, target, domain: FitDomain::Complex, known: &bands }));
-            let found = both(all);
-            // A refinement with more modes may end in a worse optimum.
-            if explained(&found) >= explained(&bands) { found } else { bands }
+            // A refinement of more modes may end in a worse optimum.
+            vec![bands, both(all)]
         }
     }
 }
