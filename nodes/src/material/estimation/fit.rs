@@ -194,7 +194,7 @@ impl Fit {
 /// As [`Sample::new`].
 ///
 /// # Complexity
-/// O(n) a step; about 180 Newton steps for a scan, 600 quasi-Newton steps for 15 starts.
+/// O(n) a step; about 75 Newton steps for a scan, 600 quasi-Newton steps for 15 starts.
 ///
 /// # Source
 /// Sterling et al. (IEEE TVCG 25(5), 2019), section 4.4, for the likelihood.

@@ -9,7 +9,7 @@ use super::point::Sample;
 const GRID: [f64; 2] = [1e-3, 30.0];
 /// Number of shapes of the default grid.
 const GRID_COUNT: usize = 25;
-/// Expected gain of a step in nats that is not evaluated on the way along the shapes; the profile is known to about a tenth of it.
+/// Expected gain in nats of a step along the shapes that is taken without an evaluation.
 const SCAN_GAIN: f64 = 0.1;
 /// The end of an ascent at a shape between those of the grid.
 const EXACT: Stop = Stop::Gradient(1e-7);
@@ -179,7 +179,7 @@ impl Scan {
 /// of this profile is then refined in all parameters. `exponent` is fixed where the family has one.
 ///
 /// # Complexity
-/// O(25 s n p^2) for s evaluations a shape, about 1.5: each shape starts from an extrapolation of those before it.
+/// O(s n p^2) for s evaluations, 74 in all for 752 points: each of 25 shapes starts from an extrapolation of those before it.
 #[must_use]
 pub fn scan(
     likelihood: &Likelihood<'_>,
@@ -246,16 +246,16 @@ pub fn scan(
     found
 }
 
-/// The next point of a path from its last ones, by a parabola; none of a sign that it has not had.
+/// The next point of a path by a parabola or a line through its last ones, apart from components whose sign would change.
 fn extrapolate(path: &[(f64, Vec<f64>)], z: &mut [f64]) {
-    let (a, b, c) = match path {
-        [.., (_, a), (_, b), (_, c)] => (a, b, c),
-        [(_, b), (_, c)] => (b, b, c),
-        _ => return,
-    };
     for (i, z) in z.iter_mut().enumerate() {
-        let next = if path.len() > 2 { 3.0 * (c[i] - b[i]) + a[i] } else { 2.0 * c[i] - b[i] };
-        if next * c[i] > 0.0 {
+        let next = match path {
+            [.., (_, a), (_, b), (_, c)] => 3.0 * (c[i] - b[i]) + a[i],
+            [(_, b), (_, c)] => 2.0 * c[i] - b[i],
+            _ => return,
+        };
+        // It is the last point still.
+        if next * *z > 0.0 {
             *z = next;
         }
     }

@@ -120,7 +120,7 @@ fn support(set: &FeatureSet) -> Option<String> {
 /// Numbers the modes: single linkage along the frequencies of each object.
 ///
 /// `object_of` has the object and the frequency in Hz of each point.
-pub fn cluster(points: &mut [DampingPoint], object_of: &[(usize, f64)]) {
+pub(crate) fn cluster(points: &mut [DampingPoint], object_of: &[(usize, f64)]) {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|a, b| {
         let ((oa, fa), (ob, fb)) = (object_of[*a], object_of[*b]);

@@ -301,24 +301,24 @@ fn search(x: &[f64], rate: f64, limits: &Limits, params: &ExtractParams, noise: 
         pick(&all, posed.forward(&all, &products(x, &all), &thresholds(&all), surplus))
     };
     let peaks = |request: Request<'_>| greedy(x, rate, limits, &request, noise);
-    let both = |exponents: Vec<C>| without_surplus(refined(x, rate, limits, without_surplus(exponents)));
-    // The refinement may have made some superfluous.
+    // The refinement may make some superfluous.
+    let selected = |exponents: Vec<C>| without_surplus(refined(x, rate, limits, without_surplus(exponents)));
     match params.extractor {
-        Extractor::Subband => vec![both(subband())],
+        Extractor::Subband => vec![selected(subband())],
         Extractor::Greedy { target, domain } => {
             let found = peaks(Request { modes, target, domain, known: &[] });
             vec![match domain {
-                FitDomain::Complex => both(found),
+                FitDomain::Complex => selected(found),
                 FitDomain::Power => without_surplus(found),
             }]
         }
         Extractor::Hybrid { target } => {
-            let bands = both(subband());
+            let bands = selected(subband());
             let mut all = bands.clone();
             let modes = surplus.saturating_sub(all.len());
             all.extend(peaks(Request { modes, target, domain: FitDomain::Complex, known: &bands }));
             // A refinement of more modes may end in a worse optimum.
-            vec![bands, both(all)]
+            vec![bands, selected(all)]
         }
     }
 }

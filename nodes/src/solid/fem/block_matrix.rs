@@ -15,8 +15,9 @@ trait Term: Sync {
 }
 
 struct Mass;
-struct Stiffness;
-struct AbsoluteStiffness;
+
+/// The stiffness, with a function of each product.
+struct Stiffness<F>(F);
 
 impl Term for Mass {
     fn add<const L: usize>(
@@ -33,7 +34,7 @@ impl Term for Mass {
     }
 }
 
-impl Term for Stiffness {
+impl<F: Fn(f64) -> f64 + Sync> Term for Stiffness<F> {
     fn add<const L: usize>(
         &self,
         matrix: &BlockMatrix,
@@ -44,24 +45,7 @@ impl Term for Stiffness {
         let block = &matrix.stiffness[k];
         for (row, sum) in block.chunks_exact(3).zip(sum) {
             for (j, sum) in sum.iter_mut().enumerate() {
-                *sum += row[0] * v[0][j] + row[1] * v[1][j] + row[2] * v[2][j];
-            }
-        }
-    }
-}
-
-impl Term for AbsoluteStiffness {
-    fn add<const L: usize>(
-        &self,
-        matrix: &BlockMatrix,
-        k: usize,
-        v: &[[f64; L]; 3],
-        sum: &mut [[f64; L]; 3],
-    ) {
-        let block = &matrix.stiffness[k];
-        for (row, sum) in block.chunks_exact(3).zip(sum) {
-            for (j, sum) in sum.iter_mut().enumerate() {
-                *sum += (0..3).map(|b| (row[b] * v[b][j]).abs()).sum::<f64>();
+                *sum += (self.0)(row[0] * v[0][j]) + (self.0)(row[1] * v[1][j]) + (self.0)(row[2] * v[2][j]);
             }
         }
     }
@@ -109,13 +93,13 @@ impl BlockMatrix {
     /// `K X`.
     #[must_use]
     pub fn stiffness_times(&self, x: MatRef<'_, f64>) -> Mat<f64> {
-        self.product(x, Stiffness)
+        self.product(x, Stiffness(|product| product))
     }
 
     /// `|K| |X|`, for bounds of rounding errors.
     #[must_use]
     pub fn absolute_stiffness_times(&self, x: MatRef<'_, f64>) -> Mat<f64> {
-        self.product(x, AbsoluteStiffness)
+        self.product(x, Stiffness(f64::abs))
     }
 
     fn product(&self, x: MatRef<'_, f64>, term: impl Term) -> Mat<f64> {

@@ -1,10 +1,12 @@
 //! A data set without random numbers, with its estimates to all digits.
 
+use super::simulated;
+use crate::core::random::Rng;
 use crate::material::damping::Family;
 use crate::material::estimation::fit::{FitOptions, Method, fit};
 use crate::material::estimation::least_squares::LeastSquares;
 use crate::material::estimation::lower_bound::lower_bound;
-use crate::material::estimation::mixture::{MixtureOptions, fit_mixture};
+use crate::material::estimation::mixture::{MixtureFit, MixtureOptions, fit_mixture};
 use crate::material::estimation::point::{DampingPoint, Sample};
 use crate::material::statistics::normal::normal_quantile;
 use std::f64::consts::TAU;
@@ -95,6 +97,34 @@ fn estimates_with_spurious_points_have_all_digits() {
     for pair in mixture.trace.windows(2) {
         assert!(pair[1] >= pair[0] - 1e-9, "the objective falls: {:?}", mixture.trace);
     }
+}
+
+#[test]
+fn clusters_of_spurious_points_have_a_share_of_their_own() {
+    let mut rng = Rng::new(3);
+    let mut points = simulated(&mut rng, 300, [3.9, 1e-8, 0.4, 0.125]);
+    let planted = 120;
+    let centres = [200, 230, 260].map(|k: usize| points[k].lambda);
+    for (k, p) in points.iter_mut().enumerate() {
+        p.mode_cluster = k as u32;
+        if k < planted {
+            (p.lambda, p.c) = (centres[k % 3], 0.5 * 1000_f64.powf(rng.uniform()));
+            p.mode_cluster = 1000 + k as u32 % 3;
+        }
+    }
+    let options = MixtureOptions::new(FitOptions::new(Family::Rayleigh));
+    let with = fit_mixture(&points, &options).unwrap();
+    for (k, group) in with.groups.iter().enumerate() {
+        let own = if k < planted { 1 + k as u32 % 3 } else { 0 };
+        assert_eq!(*group, own, "{k}");
+    }
+    // Many log-uniform dampings are as likely those of a support, and the prior of a share is that of few spurious points.
+    assert!(with.logits[0] < -3.0 && with.logits[1..].iter().all(|x| *x > 0.0), "{:?}", with.logits);
+    points.iter_mut().for_each(|p| p.mode_cluster = 0);
+    let without = fit_mixture(&points, &options).unwrap();
+    assert!(without.groups.iter().all(|g| *g == 0));
+    let accepted = |fit: &MixtureFit| fit.responsibility[..planted].iter().sum::<f64>();
+    assert!(accepted(&with) < accepted(&without), "{} {}", accepted(&with), accepted(&without));
 }
 
 #[test]
