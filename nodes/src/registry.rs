@@ -28,6 +28,15 @@ use crate::friction::model::interpolated_spectra::InterpolatedSpectra;
 use crate::friction::model::pair_friction_model::PairFrictionModel;
 use crate::friction::synthesis::binaural_ift_noise::BinauralIftNoise;
 use crate::friction::synthesis::ift_noise::IftNoiseNode;
+use crate::grain::correlation::correlation_patterns_file::CorrelationPatternsFile;
+use crate::grain::correlation::grain_correlate::GrainCorrelate;
+use crate::grain::dictionary::grain_dictionary::GrainDictionaryNode;
+use crate::grain::dictionary::grain_dictionary_file::GrainDictionaryFile;
+use crate::grain::recording::grain_recordings::GrainRecordingsNode;
+use crate::grain::synthesis::grain_retarget::GrainRetarget;
+use crate::grain::synthesis::pattern_resynth::PatternResynth;
+use crate::grain::synthesis::pattern_timescale::PatternTimescale;
+use crate::grain::synthesis::pattern_variation::PatternVariation;
 use crate::material::experiments::damping_experiment::DampingExperiment;
 use crate::material::experiments::fit_comparison::FitComparison;
 use crate::material::experiments::fit_convergence::FitConvergence;
@@ -294,6 +303,16 @@ impl Registry {
             .with::<HistogramMatcher>()
             .with::<CrumplePlayer>()
             .with::<BinauralCrumplePlayer>()
+            .family("grain")
+            .with_func::<GrainRecordingsNode>()
+            .with_func::<GrainDictionaryNode>()
+            .with_func::<GrainDictionaryFile>()
+            .with_func::<GrainCorrelate>()
+            .with_func::<CorrelationPatternsFile>()
+            .with::<GrainRetarget>()
+            .with::<PatternResynth>()
+            .with_func::<PatternTimescale>()
+            .with_func::<PatternVariation>()
             .family("feature")
             .with::<Mfcc>()
             .with::<TemporalGaussian>()

@@ -5,9 +5,11 @@
 
 mod error;
 mod info;
+pub mod manifest;
 #[cfg(feature = "compressed-audio")]
 mod packets;
 mod reader;
+mod recording_list;
 mod recordings;
 pub(crate) mod text_output;
 mod wav;
@@ -20,6 +22,7 @@ pub use crate::core::files::ReadSeek;
 pub use error::{AudioError, AudioWarning};
 pub use info::{AudioInfo, FileFormat, ReadLimits, SampleFormat};
 pub use reader::{AudioReader, probe, probe_with};
+pub(crate) use recording_list::{ListedRecording, MANIFEST, RecordingList};
 pub(crate) use recordings::{MaxLength, RecordingParam, recording_warnings, trial_wav};
 pub use wav::{AudioWriter, Dither, WriteFormat, WriteSpec, WrittenInfo};
 pub(crate) use wav_out::wav_rate;

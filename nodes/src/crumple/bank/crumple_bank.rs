@@ -309,7 +309,7 @@ impl CrumpleBank {
             Resampler::new(rate(self.fs)?, rate(fs)?, Quality::High).map_err(BankError::Resample)?;
         let mut bank = Self { fs, samples: Vec::new(), offsets: vec![0], peaks: Vec::new(), ..self.clone() };
         for k in 0..self.len() {
-            let sample = resample(&resampler, self.sample(k), fs / self.fs).map_err(BankError::Resample)?;
+            let sample = resampler.whole(self.sample(k)).map_err(BankError::Resample)?;
             bank.peaks.push(sample.iter().fold(0.0, |peak: f32, x| peak.max(x.abs())));
             bank.samples.extend(sample);
             bank.offsets.push(bank.samples.len() as u32);
@@ -318,19 +318,6 @@ impl CrumpleBank {
         bank.conventions = bank.digest();
         Ok(bank.sealed())
     }
-}
-
-/// Resamples a whole signal, with silence before and after it.
-pub(super) fn resample(resampler: &Resampler, x: &[f32], ratio: f64) -> Result<Vec<f32>, DspError> {
-    let count = ((x.len() as f64 * ratio).ceil() as i64).max(1);
-    let needed = resampler.inputs(0..count);
-    let mut input = vec![0.0; (needed.end - needed.start).max(0) as usize];
-    for (index, sample) in (needed.start..).zip(&mut input) {
-        *sample = usize::try_from(index).ok().and_then(|k| x.get(k)).copied().unwrap_or(0.0);
-    }
-    let mut out = vec![0.0; count as usize];
-    resampler.process(0, &input, needed.start, 1, &mut out)?;
-    Ok(out)
 }
 
 /// Returns a small constant bank, to which the events of trials refer.

@@ -1,6 +1,6 @@
 //! A bank from recordings, as a value node.
 
-use super::crumple_bank::{CrumpleBank, Cut, Origin, Recorded, resample};
+use super::crumple_bank::{CrumpleBank, Cut, Origin, Recorded};
 use super::extraction::{Extraction, cut, extents, windowed_energy};
 use super::report::bank_summary;
 use crate::core::fault::{Fault, Reject};
@@ -93,8 +93,7 @@ impl Recording {
         } else {
             let resampler = Rate::new(from.into(), 1).map(|from| Resampler::new(from, to, Quality::High));
             let resampler = resampler.ok_or_else(|| RECORDINGS.unusable(path, "its rate is 0"))?;
-            let ratio = to.as_f64() / f64::from(from);
-            resampler.and_then(|r| resample(&r, &samples, ratio)).map_err(|e| RECORDINGS.unusable(path, e))?
+            resampler.and_then(|r| r.whole(&samples)).map_err(|e| RECORDINGS.unusable(path, e))?
         };
         let description = Recorded {
             provenance: path.to_owned(),

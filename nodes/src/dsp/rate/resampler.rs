@@ -144,6 +144,23 @@ impl Resampler {
         self.position(outputs.start) - self.look_behind() as i64..last + self.look_ahead() as i64 + 1
     }
 
+    /// Resamples a whole mono signal, with silence before and after it.
+    ///
+    /// # Errors
+    /// Those of [`Resampler::process`].
+    pub fn whole(&self, x: &[f32]) -> Result<Vec<f32>, DspError> {
+        let outputs = (x.len() as i128 * self.per).div_euclid(self.step);
+        let outputs = outputs as i64 + i64::from(outputs * self.step < x.len() as i128 * self.per);
+        let needed = self.inputs(0..outputs);
+        let mut input = vec![0.0; (needed.end - needed.start).max(0) as usize];
+        for (index, sample) in (needed.start..).zip(&mut input) {
+            *sample = usize::try_from(index).ok().and_then(|k| x.get(k)).copied().unwrap_or(0.0);
+        }
+        let mut out = vec![0.0; outputs.max(0) as usize];
+        self.process(0, &input, needed.start, 1, &mut out)?;
+        Ok(out)
+    }
+
     /// Computes outputs `first_out..`.
     ///
     /// # Shapes

@@ -9,8 +9,9 @@ use super::peak_fit::FitDomain;
 use super::phase_drift::phase_drift;
 use super::report::{ExtractionReport, PICTURE, RINGING, RecordingReport, spectrogram};
 use super::room::Room;
-use super::sources::{Source, Sources};
+use super::sources::Sources;
 use super::surrogate::surrogate;
+use super::takes::Take;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -18,7 +19,7 @@ use crate::core::params::{AssetPath, FolderPath, Params, Text};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
+use crate::io::{ListedRecording, MaxLength, RecordingList, RecordingParam, recording_warnings, trial_wav};
 use crate::plot::Image;
 use crate::table::ResultTable;
 use crate::{choices, params, ports};
@@ -145,12 +146,14 @@ const MAX_LISTED: usize = 8;
 impl ModalFeaturesParams {
     fn sources(&self) -> Sources<'_> {
         Sources {
-            recordings: &self.recordings,
-            folder: self.folder.as_ref(),
-            manifest: self.manifest.as_ref(),
+            list: RecordingList {
+                recordings: &self.recordings,
+                folder: self.folder.as_ref(),
+                manifest: self.manifest.as_ref(),
+                code: RECORDINGS.code,
+            },
             object: &self.object.0,
             material: &self.material.0,
-            code: RECORDINGS.code,
         }
     }
 
@@ -198,10 +201,10 @@ impl Found {
         &mut self,
         p: &ModalFeaturesParams,
         cx: &Build<'_>,
-        source: &Source,
+        source: &ListedRecording<Take>,
         room: &Room,
     ) -> Result<(), Fault> {
-        let Source { path, field, take } = source;
+        let ListedRecording { path, field, entry: take } = source;
         let unusable = |name: &str, problem: String| RECORDINGS.unusable(name, problem).at(field);
         let at_field = |e: Fault| Fault { field: Some(field.clone()), ..e };
         let (samples, info) = RECORDINGS.read_mono(cx, path).map_err(at_field)?;
@@ -321,7 +324,7 @@ impl Func for ModalFeatures {
                 break;
             }
         }
-        let materials: BTreeSet<&str> = sources.iter().map(|source| source.take.material.as_str()).collect();
+        let materials: BTreeSet<&str> = sources.iter().map(|source| source.entry.material.as_str()).collect();
         if materials.len() > 1 {
             let names: Vec<String> = materials.iter().map(|name| format!("{name:?}")).collect();
             s.note(format!(
@@ -336,7 +339,7 @@ impl Func for ModalFeatures {
     fn eval(p: &ModalFeaturesParams, cx: &Build<'_>, mut io: ModalFeaturesIo<'_>) -> Result<Summary, Fault> {
         let mut found = Found::default();
         let room = p.room(cx)?;
-        let sources = cx.prepared::<Vec<Source>>().unwrap_or_default();
+        let sources = cx.prepared::<Vec<ListedRecording<Take>>>().unwrap_or_default();
         for (k, source) in sources.iter().enumerate() {
             if (cx.monitor)(k as f64 / sources.len() as f64) {
                 return Err(Fault::stopped());

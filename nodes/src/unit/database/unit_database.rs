@@ -88,27 +88,10 @@ fn read(reader: &mut AudioReader<'_>, from: Rate, to: Rate) -> Result<(Vec<Vec<f
         .into_par_iter()
         .map(|channel| {
             let x: Vec<f32> = samples.iter().skip(channel).step_by(channels).copied().collect();
-            if from == to { Ok(x) } else { resampled(&resampler, &x, from, to).map_err(|e| failed(&e)) }
+            if from == to { Ok(x) } else { resampler.whole(&x).map_err(|e| failed(&e)) }
         })
         .collect();
     Ok((all?, digest))
-}
-
-fn resampled(
-    resampler: &Resampler,
-    x: &[f32],
-    from: Rate,
-    to: Rate,
-) -> Result<Vec<f32>, crate::dsp::DspError> {
-    let outputs = to.first_at(from.tick(x.len() as i64));
-    let needed = resampler.inputs(0..outputs);
-    let before = usize::try_from(-needed.start).unwrap_or(0);
-    let mut padded = vec![0.0; before];
-    padded.extend_from_slice(x);
-    padded.resize(before + (needed.end.max(0) as usize).max(x.len()), 0.0);
-    let mut out = vec![0.0; outputs.max(0) as usize];
-    resampler.process(0, &padded, -(before as i64), 1, &mut out)?;
-    Ok(out)
 }
 
 fn source(p: &UnitDatabaseParams, k: usize, content: String) -> UnitSource {

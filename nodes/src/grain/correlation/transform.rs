@@ -1,0 +1,159 @@
+//! Correlation of a signal with short grains by overlap-save.
+
+use realfft::num_complex::Complex;
+use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use std::sync::Arc;
+
+/// Sizes of transforms.
+const SIZES: std::ops::RangeInclusive<u32> = 9..=16;
+
+/// Size of the transform that takes the least work a sample for grains of up to `len` samples: `N log N / (N - len + 1)`.
+#[must_use]
+pub fn best_size(len: usize) -> usize {
+    let cost = |log: u32| {
+        let n = (1_usize << log) as f64;
+        // Beyond 2^14 the spectra leave the cache of a core.
+        let cache = if log > 14 { 1.3 } else { 1.0 };
+        cache * n * f64::from(log) / (n - len as f64 + 1.0).max(1e-3)
+    };
+    let fits = SIZES.filter(|log| 1_usize << log >= 2 * len.max(1));
+    let best = fits.min_by(|a, b| cost(*a).total_cmp(&cost(*b)));
+    best.map_or_else(|| (2 * len).next_power_of_two(), |log| 1 << log)
+}
+
+/// Spectra of the blocks of a signal, for grains of up to a length.
+///
+/// Block `j` has the outputs `j * step .. (j + 1) * step`.
+pub struct Blocks {
+    size: usize,
+    /// Outputs of a block.
+    step: usize,
+    outputs: usize,
+    forward: Arc<dyn RealToComplex<f32>>,
+    inverse: Arc<dyn ComplexToReal<f32>>,
+    spectra: Vec<Vec<Complex<f32>>>,
+    /// Norm of the samples of each block.
+    norms: Vec<f32>,
+}
+
+/// Buffers of a thread.
+pub struct Buffers {
+    input: Vec<f32>,
+    grain: Vec<Complex<f32>>,
+    product: Vec<Complex<f32>>,
+    scratch: Vec<Complex<f32>>,
+}
+
+impl Blocks {
+    /// Transforms a signal; `outputs` is the number of positions at which grains of up to `max_len` samples begin.
+    ///
+    /// # Shapes
+    /// `x: [outputs + max_len - 1]`; samples that are missing are 0.
+    #[must_use]
+    pub fn new(x: &[f32], outputs: usize, max_len: usize, size: usize) -> Self {
+        let mut planner = RealFftPlanner::<f32>::new();
+        let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
+        let step = (size - max_len.min(size) + 1).max(1);
+        let count = outputs.div_ceil(step);
+        let (mut input, mut scratch) = (forward.make_input_vec(), forward.make_scratch_vec());
+        let (mut spectra, mut norms) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for j in 0..count {
+            let from = (j * step).min(x.len());
+            let part = &x[from..x.len().min(j * step + size)];
+            input.fill(0.0);
+            input[..part.len()].copy_from_slice(part);
+            norms.push(part.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt() as f32);
+            let mut spectrum = forward.make_output_vec();
+            // Lengths agree by construction.
+            if forward.process_with_scratch(&mut input, &mut spectrum, &mut scratch).is_err() {
+                spectrum.fill(Complex::default());
+            }
+            spectra.push(spectrum);
+        }
+        Self { size, step, outputs, forward, inverse, spectra, norms }
+    }
+
+    /// Buffers for [`Self::correlate`].
+    #[must_use]
+    pub fn buffers(&self) -> Buffers {
+        let scratch = self.inverse.get_scratch_len().max(self.forward.get_scratch_len());
+        Buffers {
+            input: self.forward.make_input_vec(),
+            grain: self.forward.make_output_vec(),
+            product: self.forward.make_output_vec(),
+            scratch: vec![Complex::default(); scratch],
+        }
+    }
+
+    /// Computes `y[t] = sum_n x[t + n] g[n]` for all outputs.
+    ///
+    /// # Complexity
+    /// One transform for the grain and one inverse transform for each block.
+    pub fn correlate(&self, grain: &[f32], buffers: &mut Buffers, y: &mut Vec<f32>) {
+        let Buffers { input, grain: spectrum, product, scratch } = buffers;
+        y.clear();
+        input.fill(0.0);
+        let len = grain.len().min(self.size);
+        input[..len].copy_from_slice(&grain[..len]);
+        let forward_scratch = &mut scratch[..self.forward.get_scratch_len()];
+        let transformed = self.forward.process_with_scratch(input, spectrum, forward_scratch);
+        let scale = 1.0 / self.size as f32;
+        spectrum.iter_mut().for_each(|g| *g = g.conj() * scale);
+        for (j, block) in self.spectra.iter().enumerate() {
+            for ((p, x), g) in product.iter_mut().zip(block).zip(spectrum.iter()) {
+                *p = Complex::new(x.re * g.re - x.im * g.im, x.re * g.im + x.im * g.re);
+            }
+            let inverse_scratch = &mut scratch[..self.inverse.get_scratch_len()];
+            let inverted = self.inverse.process_with_scratch(product, input, inverse_scratch);
+            // Lengths agree by construction; the first and the last bin of real signals are real.
+            if transformed.is_err() || inverted.is_err() {
+                input.fill(0.0);
+            }
+            let count = self.step.min(self.outputs - j * self.step);
+            y.extend_from_slice(&input[..count]);
+        }
+    }
+
+    /// Norm of the samples of the block that has output `t`: its rounding errors are relative to it.
+    #[must_use]
+    pub fn norm_at(&self, t: usize) -> f32 {
+        self.norms.get(t / self.step).copied().unwrap_or(0.0)
+    }
+
+    /// Bytes of the spectra of a signal.
+    #[must_use]
+    pub fn bytes(outputs: usize, max_len: usize, size: usize) -> usize {
+        outputs.div_ceil((size - max_len.min(size) + 1).max(1)) * (size / 2 + 1) * 8
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Rng;
+
+    #[test]
+    fn all_outputs_equal_the_direct_form() {
+        let mut rng = Rng::new(4);
+        let x: Vec<f32> = (0..5000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
+        for (len, size) in [(300, 1024), (300, 4096), (17, 512), (1000, 2048)] {
+            let g: Vec<f32> = (0..len).map(|_| rng.between(-1.0, 1.0) as f32).collect();
+            let outputs = x.len() - len + 1;
+            let blocks = Blocks::new(&x, outputs, len, size);
+            let mut y = Vec::new();
+            blocks.correlate(&g, &mut blocks.buffers(), &mut y);
+            assert_eq!(y.len(), outputs);
+            let norm = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+            for (t, y) in y.iter().enumerate() {
+                let direct: f64 = x[t..].iter().zip(&g).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
+                let error = (f64::from(*y) - direct).abs() / (norm(&g) * norm(&x[t..t + len]));
+                assert!(error < 2e-6, "{len} {size} {t}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn sizes_grow_with_the_grains() {
+        assert_eq!([300, 1126, 3000, 100_000].map(best_size), [2048, 16_384, 16_384, 262_144]);
+    }
+}

@@ -1,0 +1,172 @@
+//! The file of a grain dictionary.
+
+use super::grains::{GRAINS_VERSION, GrainDictionary, GrainError};
+use crate::artefact::value_file::Artefact;
+use crate::core::node::Summary;
+
+/// The first bytes of a file of a dictionary.
+const MAGIC: &[u8] = b"foley:FGRN\n";
+/// Bytes before the fields: signature, version, number of bytes of the fields, digest.
+const HEAD: usize = MAGIC.len() + 4 + 8 + 32;
+
+impl GrainDictionary {
+    /// The dictionary as one file: a signature, the version, a digest, the fields, and the samples with 16 or 32 bits.
+    ///
+    /// # Errors
+    /// When it cannot be encoded.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
+        let fields = Self { samples: Vec::new(), ..self.clone_without_samples() };
+        let fields = postcard::to_allocvec(&fields).map_err(|e| e.to_string())?;
+        let mut body = fields.clone();
+        if self.compact {
+            for (span, step) in self.steps_of_samples() {
+                let scale = |x: f32| {
+                    if step > 0.0 { (x / step).round().clamp(-32_767.0, 32_767.0) as i16 } else { 0 }
+                };
+                self.samples[span].iter().for_each(|x| body.extend(scale(*x).to_le_bytes()));
+            }
+        } else {
+            self.samples.iter().for_each(|x| body.extend(x.to_le_bytes()));
+        }
+        let mut out = MAGIC.to_vec();
+        out.extend(self.version.to_le_bytes());
+        out.extend((fields.len() as u64).to_le_bytes());
+        out.extend(blake3::hash(&body).as_bytes());
+        out.extend(body);
+        Ok(out)
+    }
+
+    fn clone_without_samples(&self) -> Self {
+        Self {
+            samples: Vec::new(),
+            sources: self.sources.clone(),
+            grains: self.grains.clone(),
+            runs: self.runs.clone(),
+            steps: self.steps.clone(),
+            ..*self
+        }
+    }
+
+    /// Spans of all samples in order, with their steps.
+    fn steps_of_samples(&self) -> Vec<(std::ops::Range<usize>, f32)> {
+        let mut steps = self.steps.iter().copied();
+        let mut spans = Vec::new();
+        for (run, blocks) in self.runs.iter().zip(self.blocks()) {
+            let of_run: Vec<f32> = steps.by_ref().take(blocks.len()).collect();
+            for channel in 0..usize::from(run.channels) {
+                let start = run.offset as usize + channel * run.frames as usize;
+                spans.extend(
+                    blocks.iter().zip(&of_run).map(|(b, step)| (start + b.start..start + b.end, *step)),
+                );
+            }
+        }
+        spans
+    }
+
+    /// The dictionary in such a file.
+    ///
+    /// # Errors
+    /// Other files, other versions, damage.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        if bytes.len() < HEAD || !bytes.starts_with(MAGIC) {
+            return Err("this is no grain dictionary".into());
+        }
+        let (head, body) = bytes.split_at(HEAD);
+        let number = |from: usize, len: usize| {
+            head[from..from + len].iter().rev().fold(0, |n, b| n << 8 | u64::from(*b))
+        };
+        let found = number(MAGIC.len(), 4) as u32;
+        if found != GRAINS_VERSION {
+            return Err(GrainError::Version { found }.to_string());
+        }
+        if head[MAGIC.len() + 12..] != *blake3::hash(body).as_bytes() {
+            return Err(
+                "the grain dictionary is damaged, cut off or was changed: what it holds has another digest"
+                    .into(),
+            );
+        }
+        let fields = number(MAGIC.len() + 4, 8) as usize;
+        let samples = body.get(fields..).ok_or("the grain dictionary is damaged: it is too short")?;
+        let mut all: Self = postcard::from_bytes(&body[..fields])
+            .map_err(|e| format!("the grain dictionary is damaged: {e}"))?;
+        let width = if all.compact { 2 } else { 4 };
+        let wanted = all.runs.iter().map(|r| u64::from(r.frames) * u64::from(r.channels)).sum::<u64>();
+        if samples.len() as u64 != wanted * width {
+            return Err(format!(
+                "the grain dictionary is damaged: {} bytes of samples; {} are needed",
+                samples.len(),
+                wanted * width
+            ));
+        }
+        all.samples = vec![0.0; wanted as usize];
+        if all.compact {
+            let blocks: usize = all.blocks().iter().map(Vec::len).sum();
+            if blocks != all.steps.len() {
+                return Err(format!(
+                    "the grain dictionary is damaged: {} steps; {blocks} are needed",
+                    all.steps.len()
+                ));
+            }
+            for (span, step) in all.steps_of_samples() {
+                let bytes = samples.get(2 * span.start..2 * span.end).unwrap_or_default();
+                let values =
+                    bytes.chunks_exact(2).map(|b| f32::from(i16::from_le_bytes([b[0], b[1]])) * step);
+                let into = all.samples.get_mut(span).into_iter().flatten();
+                into.zip(values).for_each(|(x, value)| *x = value);
+            }
+        } else {
+            let values = samples.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+            all.samples.iter_mut().zip(values).for_each(|(x, value)| *x = value);
+        }
+        all.validate().map_err(|e| e.to_string())?;
+        Ok(all)
+    }
+}
+
+impl Artefact for GrainDictionary {
+    const CODE: &'static str = "F150";
+    const HELP: Option<&'static str> = Some("write one with --tap dictionary=FILE.bin");
+    const MAGIC: &'static [u8] = MAGIC;
+
+    fn from_file(bytes: &[u8]) -> Result<Self, String> {
+        Self::from_bytes(bytes)
+    }
+
+    fn summary(&self) -> Summary {
+        self.summary()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::item::Data;
+    use crate::core::random::Rng;
+
+    #[test]
+    fn files_return_the_same_dictionary_and_its_digest() {
+        let compact = GrainDictionary::trial(&mut Rng::new(3));
+        let mut exact = GrainDictionary { compact: false, ..compact.clone() };
+        exact.steps.clear();
+        for dictionary in [compact, exact] {
+            let bytes = dictionary.to_bytes().unwrap();
+            let read = GrainDictionary::from_bytes(&bytes).unwrap();
+            assert_eq!(read, dictionary);
+            assert_eq!(read.id(), dictionary.id());
+        }
+    }
+
+    #[test]
+    fn damaged_cut_and_foreign_files_are_refused() {
+        let bytes = GrainDictionary::trial(&mut Rng::new(4)).to_bytes().unwrap();
+        let error = |bytes: &[u8]| GrainDictionary::from_bytes(bytes).unwrap_err();
+        assert!(error(b"").contains("no grain dictionary"));
+        assert!(error(&bytes[..bytes.len() - 1]).contains("damaged"));
+        let mut changed = bytes.clone();
+        *changed.last_mut().unwrap() ^= 1;
+        assert!(error(&changed).contains("digest"));
+        let mut version = bytes;
+        version[MAGIC.len()] = 9;
+        assert!(error(&version).contains("version 9"));
+    }
+}

@@ -1,0 +1,15 @@
+//! A grain dictionary from its file, as a node.
+
+use super::grains::GrainDictionary;
+use crate::artefact_file;
+
+artefact_file! {
+    /// A grain dictionary from a file, as a tap of `GrainDictionary` wrote it: `--tap dictionary=stone.bin`.
+    ///
+    /// It holds the sound of all grains, so that the recordings are not needed. A file of another version or with damage is an error.
+    pub struct GrainDictionaryFile / GrainDictionaryFileParams / GrainDictionaryFilePorts / GrainDictionaryFileIo, version 1;
+    /// The dictionary.
+    path: "grains.bin";
+    /// The grains.
+    dictionary: GrainDictionary;
+}

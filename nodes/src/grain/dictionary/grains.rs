@@ -1,0 +1,402 @@
+//! Grains of many recordings.
+
+use super::taper::TaperShape;
+use crate::core::item::Data;
+use crate::core::node::Summary;
+use crate::core::random::Rng;
+use crate::grain::recording::{Component, SourceKind};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+use thiserror::Error;
+
+/// Version of the format of [`GrainDictionary`].
+pub const GRAINS_VERSION: u32 = 1;
+/// Bytes of a grain beside its samples, as in the budget of a game.
+pub const BYTES_PER_GRAIN: usize = 48;
+
+/// A grain: a piece of a recording, with tapers that overlap those of its neighbours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Grain {
+    /// Index of its source.
+    pub source: u32,
+    /// First sample of its segment in the source.
+    pub start: u64,
+    /// Samples of its segment.
+    pub len: u32,
+    /// Samples that the windowed grain has before and after its segment.
+    pub reach: [u16; 2],
+    /// Samples of its tapers.
+    pub taper: [u16; 2],
+    /// Factor of the windowed grain: that which gives it the mean square of its segment if its tapers lie inside, else 1.
+    pub gain: f32,
+    /// Mean square of the windowed grain, channels averaged.
+    pub power: f32,
+    /// Centroid of its spectrum, Hz.
+    pub centroid: f32,
+    /// Index of the run that contains it.
+    pub run: u32,
+    /// First sample of its segment in the run.
+    pub position: u32,
+}
+
+impl Grain {
+    /// Samples of the windowed grain.
+    #[must_use]
+    pub fn window_len(&self) -> usize {
+        self.len as usize + usize::from(self.reach[0]) + usize::from(self.reach[1])
+    }
+
+    /// First sample of the windowed grain in its source.
+    #[must_use]
+    pub fn window_start(&self) -> u64 {
+        self.start - u64::from(self.reach[0])
+    }
+
+    /// The windowed grain in its run.
+    #[must_use]
+    pub fn span(&self) -> Range<usize> {
+        let start = (self.position as usize).saturating_sub(self.reach[0].into());
+        start..start + self.window_len()
+    }
+}
+
+/// A component of a recording that grains come from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GrainSource {
+    /// Provenance of the recording.
+    pub name: String,
+    /// Licence of the recording.
+    pub licence: String,
+    /// Words that describe it.
+    pub tags: Vec<String>,
+    /// Kind of contact.
+    pub kind: SourceKind,
+    /// The component.
+    pub component: Component,
+    /// Speed of the recorded motion, m/s, if it is known.
+    pub speed: Option<f64>,
+    /// Digest of the content of the recording.
+    pub content: String,
+    /// Samples of the recording.
+    pub frames: u64,
+}
+
+/// Successive samples of a source: grains that were neighbours, and a margin at both ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Run {
+    /// Its first sample in the samples of the dictionary.
+    pub offset: u64,
+    /// Samples of each channel.
+    pub frames: u32,
+    /// Number of channels, stored one after the other.
+    pub channels: u16,
+}
+
+/// Grains of many recordings.
+///
+/// Grains that were neighbours share the samples around their cut, so that nothing is stored twice.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GrainDictionary {
+    /// [`GRAINS_VERSION`].
+    pub version: u32,
+    /// Sample rate, Hz.
+    pub rate: f64,
+    /// True if the tapers are those of the usual Tukey window, in place of raised cosines at half samples.
+    pub symmetric_tapers: bool,
+    /// True if samples are stored with 16 bits, each grain scaled to its own peak.
+    pub compact: bool,
+    /// Components of the recordings.
+    pub sources: Vec<GrainSource>,
+    /// The grains, by source and time.
+    pub grains: Vec<Grain>,
+    /// Runs of samples.
+    pub runs: Vec<Run>,
+    /// Step of the samples of each block: for each run, its margins and its grains in order.
+    pub steps: Vec<f32>,
+    /// All samples.
+    pub samples: Vec<f32>,
+}
+
+/// Reasons why a dictionary cannot be used.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum GrainError {
+    /// Another version of the format.
+    #[error("the grain dictionary has version {found}; this reads version {GRAINS_VERSION}: make it again")]
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// No grain.
+    #[error("the grain dictionary has no grain: all recordings are silent or below the levels of `discard`")]
+    Empty,
+    /// A field that does not fit to the others.
+    #[error("`{field}` of grain {grain} is {found}, outside its run or source")]
+    Grain {
+        /// Index of the grain.
+        grain: usize,
+        /// Name of the field.
+        field: &'static str,
+        /// The value found.
+        found: u64,
+    },
+    /// A number of samples that does not fit.
+    #[error("the grain dictionary has {found} {what}; {wanted} are needed")]
+    Length {
+        /// What was counted.
+        what: &'static str,
+        /// The number found.
+        found: usize,
+        /// The number needed.
+        wanted: usize,
+    },
+    /// A value that is not finite.
+    #[error("{what} {index} of the grain dictionary is not finite")]
+    NotFinite {
+        /// What it is.
+        what: &'static str,
+        /// Its index.
+        index: usize,
+    },
+}
+
+impl GrainDictionary {
+    /// Returns the number of grains.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.grains.len()
+    }
+
+    /// Returns true if there are no grains.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.grains.is_empty()
+    }
+
+    /// The source of a grain.
+    #[must_use]
+    pub fn source(&self, grain: &Grain) -> Option<&GrainSource> {
+        self.sources.get(grain.source as usize)
+    }
+
+    /// Samples of one channel of a run; a mono run has its channel for all.
+    #[must_use]
+    pub fn run(&self, run: u32, channel: usize) -> &[f32] {
+        let Some(run) = self.runs.get(run as usize) else { return &[] };
+        let frames = run.frames as usize;
+        let start = run.offset as usize + channel.min(usize::from(run.channels).saturating_sub(1)) * frames;
+        self.samples.get(start..start + frames).unwrap_or_default()
+    }
+
+    /// The windowed grain, channels averaged.
+    #[must_use]
+    pub fn windowed(&self, grain: &Grain) -> Vec<f32> {
+        let channels = self.runs.get(grain.run as usize).map_or(1, |run| usize::from(run.channels).max(1));
+        let mut mono = vec![0.0_f64; grain.window_len()];
+        for channel in 0..channels {
+            let samples = self.run(grain.run, channel).get(grain.span()).unwrap_or_default();
+            mono.iter_mut().zip(samples).for_each(|(sum, x)| *sum += f64::from(*x));
+        }
+        let window = self.window(grain);
+        let scale = f64::from(grain.gain) / channels as f64;
+        mono.iter().zip(window).map(|(x, w)| (w * x * scale) as f32).collect()
+    }
+
+    /// The window of a grain.
+    pub fn window(&self, grain: &Grain) -> impl Iterator<Item = f64> + use<> {
+        let shape = if self.symmetric_tapers { TaperShape::Symmetric } else { TaperShape::HalfSample };
+        shape.window(grain.window_len(), grain.taper.map(usize::from))
+    }
+
+    /// Samples that a run has before and after a windowed grain.
+    #[must_use]
+    pub fn margins(&self, grain: &Grain) -> [usize; 2] {
+        let (span, frames) =
+            (grain.span(), self.runs.get(grain.run as usize).map_or(0, |run| run.frames as usize));
+        [span.start, frames.saturating_sub(span.end)]
+    }
+
+    /// Returns true if grain `b` follows grain `a` in their source, without a gap.
+    #[must_use]
+    pub fn are_neighbours(a: &Grain, b: &Grain) -> bool {
+        a.run == b.run && a.position + a.len == b.position
+    }
+
+    /// Bytes of the dictionary in memory: samples with 2 or 4 bytes, and 48 bytes for each grain.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.samples.len() * if self.compact { 2 } else { 4 } + BYTES_PER_GRAIN * self.grains.len()
+    }
+
+    /// Median length of the windowed grains, in samples.
+    #[must_use]
+    pub fn median_len(&self) -> usize {
+        let mut lengths: Vec<usize> = self.grains.iter().map(Grain::window_len).collect();
+        lengths.sort_unstable();
+        lengths.get(lengths.len() / 2).copied().unwrap_or(0)
+    }
+
+    /// Mean length of the windowed grains, in samples.
+    #[must_use]
+    pub fn mean_len(&self) -> f64 {
+        let sum: usize = self.grains.iter().map(Grain::window_len).sum();
+        sum as f64 / self.grains.len().max(1) as f64
+    }
+
+    /// Blocks of equal steps of each run, as samples of one channel of the run: margins, grains, and what lies between them.
+    #[must_use]
+    pub fn blocks(&self) -> Vec<Vec<Range<usize>>> {
+        let mut ends: Vec<Vec<usize>> = self.runs.iter().map(|run| vec![0, run.frames as usize]).collect();
+        for grain in &self.grains {
+            if let Some(ends) = ends.get_mut(grain.run as usize) {
+                ends.extend([grain.position as usize, (grain.position + grain.len) as usize]);
+            }
+        }
+        for ends in &mut ends {
+            ends.sort_unstable();
+            ends.dedup();
+        }
+        ends.iter().map(|ends| ends.windows(2).map(|w| w[0]..w[1]).collect()).collect()
+    }
+
+    /// Rounds all samples to 16 bits, each block scaled to its own peak.
+    pub fn make_compact(&mut self) {
+        let blocks = self.blocks();
+        self.compact = true;
+        self.steps.clear();
+        for (run, blocks) in self.runs.iter().zip(blocks) {
+            for block in blocks {
+                let spans = (0..usize::from(run.channels)).map(|c| {
+                    let start = run.offset as usize + c * run.frames as usize;
+                    start + block.start..start + block.end
+                });
+                let spans: Vec<Range<usize>> = spans.collect();
+                let peak =
+                    spans.iter().flat_map(|s| &self.samples[s.clone()]).fold(0.0_f32, |p, x| p.max(x.abs()));
+                let step = peak / 32_767.0;
+                self.steps.push(step);
+                for x in spans.into_iter().flat_map(|s| s.collect::<Vec<_>>()) {
+                    let x = &mut self.samples[x];
+                    *x = if step > 0.0 { (*x / step).round() * step } else { 0.0 };
+                }
+            }
+        }
+    }
+
+    /// Checks what the type does not enforce.
+    ///
+    /// # Errors
+    /// The first thing found.
+    pub fn validate(&self) -> Result<(), GrainError> {
+        if self.version != GRAINS_VERSION {
+            return Err(GrainError::Version { found: self.version });
+        }
+        if self.grains.is_empty() {
+            return Err(GrainError::Empty);
+        }
+        if !(self.rate.is_finite() && self.rate >= 1.0) {
+            return Err(GrainError::NotFinite { what: "the rate", index: 0 });
+        }
+        let mut wanted = 0_usize;
+        for run in &self.runs {
+            if run.offset != wanted as u64 || run.channels == 0 {
+                return Err(GrainError::Length {
+                    what: "samples before a run",
+                    found: run.offset as usize,
+                    wanted,
+                });
+            }
+            wanted = wanted.saturating_add((run.frames as usize).saturating_mul(usize::from(run.channels)));
+        }
+        if self.samples.len() != wanted {
+            return Err(GrainError::Length { what: "samples", found: self.samples.len(), wanted });
+        }
+        if let Some(index) = self.samples.iter().position(|x| !x.is_finite()) {
+            return Err(GrainError::NotFinite { what: "sample", index });
+        }
+        for (k, grain) in self.grains.iter().enumerate() {
+            let wrong = |field, found| Err(GrainError::Grain { grain: k, field, found });
+            let Some(run) = self.runs.get(grain.run as usize) else { return wrong("run", grain.run.into()) };
+            let Some(source) = self.source(grain) else { return wrong("source", grain.source.into()) };
+            let after = u64::from(grain.position) + u64::from(grain.len) + u64::from(grain.reach[1]);
+            if grain.len == 0 || after > u64::from(run.frames) {
+                return wrong("len", grain.len.into());
+            }
+            if u32::from(grain.reach[0]) > grain.position || u64::from(grain.reach[0]) > grain.start {
+                return wrong("reach", grain.reach[0].into());
+            }
+            if grain.start.saturating_add(u64::from(grain.len)) > source.frames {
+                return wrong("start", grain.start);
+            }
+            if grain.taper.iter().any(|t| usize::from(*t) > grain.window_len()) {
+                return wrong("taper", grain.taper[0].into());
+            }
+            if !(grain.power.is_finite()
+                && grain.power >= 0.0
+                && grain.centroid.is_finite()
+                && grain.gain.is_finite())
+            {
+                return Err(GrainError::NotFinite { what: "power of grain", index: k });
+            }
+        }
+        let wanted: usize = if self.compact { self.blocks().iter().map(Vec::len).sum() } else { 0 };
+        if self.steps.len() != wanted {
+            return Err(GrainError::Length { what: "steps", found: self.steps.len(), wanted });
+        }
+        Ok(())
+    }
+
+    /// Digest of all that patterns refer to.
+    #[must_use]
+    pub fn id(&self) -> String {
+        let mut hash = blake3::Hasher::new();
+        hash.update(&self.rate.to_le_bytes());
+        for grain in &self.grains {
+            let numbers = [
+                u64::from(grain.source),
+                grain.start,
+                grain.len.into(),
+                grain.run.into(),
+                grain.position.into(),
+            ];
+            for number in
+                numbers.into_iter().chain(grain.reach.iter().chain(&grain.taper).map(|x| (*x).into()))
+            {
+                hash.update(&number.to_le_bytes());
+            }
+        }
+        for sample in &self.samples {
+            hash.update(&sample.to_le_bytes());
+        }
+        hash.finalize().to_hex().chars().take(32).collect()
+    }
+
+    /// Figures for the summary of a run.
+    #[must_use]
+    pub fn summary(&self) -> Summary {
+        let of = |kind| {
+            self.grains.iter().filter(|g| self.source(g).is_some_and(|source| source.kind == kind)).count()
+        };
+        vec![
+            ("grains", self.grains.len().into()),
+            ("impulsive", of(SourceKind::Impulsive).into()),
+            ("continuous", of(SourceKind::Continuous).into()),
+            ("mean_samples", self.mean_len().into()),
+            ("bytes", self.bytes().into()),
+        ]
+    }
+}
+
+impl Data for GrainDictionary {
+    const NAME: &'static str = "grain dictionary";
+    const FILES: bool = true;
+
+    fn file(&self) -> Option<Vec<u8>> {
+        self.to_bytes().ok()
+    }
+
+    fn trial(_: &mut Rng) -> Self {
+        // One dictionary for all trials, to which the patterns of trials refer.
+        crate::grain::trial_dictionary()
+    }
+}

@@ -1,0 +1,12 @@
+//! Dictionaries of grains.
+
+pub mod extraction;
+mod file;
+pub mod grain_dictionary;
+pub mod grain_dictionary_file;
+mod grains;
+mod taper;
+
+pub use extraction::{ExtractRules, TaperPlacement, extract};
+pub use grains::{BYTES_PER_GRAIN, GRAINS_VERSION, Grain, GrainDictionary, GrainError, GrainSource, Run};
+pub use taper::TaperShape;

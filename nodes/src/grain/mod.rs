@@ -1,0 +1,23 @@
+//! Grains: short pieces of recordings that follow a simulation.
+//!
+//! In the order of the data: [`recording`] reads recordings with what is known of them, [`segmentation`] cuts them at inflections of their
+//! spectral flux, [`dictionary`] stores the grains, [`correlation`] finds where each grain occurs in each recording, and [`synthesis`]
+//! plays patterns of grains, and grains that follow contacts.
+
+pub mod correlation;
+pub mod dictionary;
+pub mod recording;
+pub mod segmentation;
+pub mod sinusoid;
+pub mod synthesis;
+
+pub use correlation::{CorrelationPatterns, Pattern, Peak};
+pub use dictionary::{Grain, GrainDictionary};
+pub use recording::{Component, GrainRecording, GrainRecordings, SourceKind};
+
+/// Returns a small constant dictionary, to which the patterns of trials refer.
+pub(crate) fn trial_dictionary() -> GrainDictionary {
+    use crate::core::item::Data;
+    let recordings = GrainRecordings::trial(&mut crate::core::random::Rng::new(1));
+    dictionary::extract(&recordings, &dictionary::ExtractRules::at_rate(recordings.rate)).0
+}

@@ -1,0 +1,254 @@
+//! Chains of grains: contact that lasts.
+
+use super::repertoire::ContactSound;
+use super::segment::{GrainSegment, GrainStep, join, single};
+use crate::core::random::Random;
+use crate::grain::dictionary::GrainDictionary;
+use crate::grain::recording::Component;
+use serde::{Deserialize, Serialize};
+
+/// Time constant that smooths the level, s.
+const SMOOTHING: f64 = 0.01;
+/// Level below which a chain that ends is silent: -120 dB.
+const SILENT: f64 = 1e-6;
+/// Largest change of the frequency of the steady part, octaves a second.
+const SLEW: f64 = 2.0;
+/// Grains that are not repeated.
+const AVOIDED: usize = 8;
+
+/// A level that changes linearly, and is then smoothed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Level {
+    from: f64,
+    to: f64,
+    /// Frames of the change: first and last.
+    frames: [i64; 2],
+    smooth: f64,
+}
+
+impl Level {
+    fn at(&self, frame: i64) -> f64 {
+        let [first, last] = self.frames;
+        if frame >= last {
+            return self.to;
+        }
+        let part = (frame - first).max(0) as f64 / (last - first).max(1) as f64;
+        self.from + part * (self.to - self.from)
+    }
+
+    fn set(&mut self, to: f64, now: i64, duration: i64) {
+        *self = Self { from: self.at(now), to, frames: [now, now + duration.max(1)], ..*self };
+    }
+}
+
+/// What follows in a chain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChainRules {
+    /// Probability that a grain is followed by a grain of another time, rather than by the next.
+    pub jump: f64,
+    /// Exponent of the speed in the frequency of the steady part.
+    pub gamma: f64,
+    /// Speed of recordings without one of their own, m/s.
+    pub speed: f64,
+    /// Factors of the level of the steady and of the transient part.
+    pub levels: [f32; 2],
+}
+
+/// Successive grains of the sounds of one component, under a level that follows a contact.
+///
+/// The next grain is chosen when the one before begins, so that blocks of any length give the same samples. Nothing is allocated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Chain {
+    /// Number of the chain and its first frame, for random numbers.
+    id: u32,
+    begun: i64,
+    /// Index of its first sound and number of its sounds, all of one component.
+    sounds: [u32; 2],
+    level: Level,
+    /// Speed of the motion, m/s.
+    speed: f64,
+    /// Octaves by which the steady part is shifted, and the frame of the latest change.
+    octaves: f64,
+    changed: i64,
+    /// Sound and step of the last segment.
+    place: [u32; 2],
+    recent: [u32; AVOIDED],
+    picks: u64,
+    /// Segments: one that fades out, one that sounds, and the next.
+    segments: [GrainSegment; 3],
+    count: u32,
+}
+
+impl Chain {
+    /// A chain over some sounds that begins at a frame.
+    #[must_use]
+    pub fn new(id: u32, sounds: [u32; 2], begun: i64) -> Self {
+        Self { id, sounds, begun, recent: [u32::MAX; AVOIDED], ..Self::default() }
+    }
+
+    /// Lets the level change to a value within a number of frames, for a motion at a speed.
+    pub fn set(&mut self, level: f64, speed: f64, now: i64, frames: i64) {
+        self.level.set(level, now, frames);
+        if level > 0.0 {
+            self.speed = speed;
+        }
+    }
+
+    /// Returns true if it is silent, and stays so.
+    #[must_use]
+    pub fn has_ended(&self, now: i64) -> bool {
+        self.level.to == 0.0 && now >= self.level.frames[1] && self.level.smooth < SILENT
+    }
+
+    /// Shift of the frequency of a sound, as a factor, from `now` on.
+    fn ratio(&mut self, sound: &ContactSound, rules: &ChainRules, rate: f64, now: i64) -> f64 {
+        if sound.component != Component::Steady {
+            return 1.0;
+        }
+        let recorded = sound.speed.unwrap_or(rules.speed).max(1e-6);
+        let wanted = (rules.gamma * (self.speed.max(1e-6) / recorded).log2()).clamp(-1.0, 1.0);
+        if self.picks == 0 {
+            self.octaves = wanted;
+        } else {
+            let most = SLEW * (now - self.changed).max(0) as f64 / rate;
+            self.octaves += (wanted - self.octaves).clamp(-most, most);
+        }
+        self.changed = now;
+        self.octaves.exp2()
+    }
+
+    /// Chooses the grain after the last one; `now` is the frame at which it is chosen.
+    fn choose(&mut self, sounds: &[ContactSound], rules: &ChainRules, random: &Random) -> (u32, u32, bool) {
+        let of_chain = sounds.get(self.sounds[0] as usize..(self.sounds[0] + self.sounds[1]) as usize);
+        let of_chain = of_chain.unwrap_or_default();
+        let index = (self.begun as u64) << 24 | self.picks;
+        let uniform = |lane| random.uniform(self.id, index, lane);
+        let [sound, step] = self.place;
+        let steps = |k: u32| of_chain.get(k as usize).map_or(0, |s| s.steps.len() as u32);
+        if self.picks > 0 && uniform(0) >= rules.jump && step + 1 < steps(sound) {
+            return (sound, step + 1, true);
+        }
+        // Any grain of any sound, but none of the latest.
+        let total: u32 = (0..of_chain.len() as u32).map(steps).sum();
+        let room = total.saturating_sub(1).min(AVOIDED as u32) as usize;
+        let mut index = (uniform(1) * f64::from(total)) as u32;
+        for _ in 0..=AVOIDED {
+            let (mut k, mut rest) = (0, index);
+            while rest >= steps(k).max(1) && k + 1 < of_chain.len() as u32 {
+                rest -= steps(k);
+                k += 1;
+            }
+            let grain = of_chain.get(k as usize).and_then(|s| s.steps.get(rest as usize)).map(|s| s.grain);
+            if grain.is_none_or(|grain| !self.recent[..room].contains(&grain)) {
+                return (k, rest, false);
+            }
+            index = (index + 1) % total.max(1);
+        }
+        (0, 0, false)
+    }
+
+    /// Adds the next segment.
+    fn extend(
+        &mut self,
+        dictionary: &GrainDictionary,
+        sounds: &[ContactSound],
+        rules: &ChainRules,
+        random: &Random,
+        now: i64,
+    ) {
+        let (k, step, follows) = self.choose(sounds, rules, random);
+        let Some(sound) = sounds.get((self.sounds[0] + k) as usize) else { return };
+        let Some(next) = sound.steps.get(step as usize) else { return };
+        let ratio = self.ratio(sound, rules, dictionary.rate, now);
+        let last = (self.count as usize).checked_sub(1).map(|k| self.segments[k]);
+        let before = self.place;
+        let t = match last {
+            None => now,
+            Some(last) => {
+                let grain = dictionary.grains.get(last.grain as usize);
+                let whole = grain.map_or(1, |g| g.window_len() as i64 - i64::from(g.taper[1])).max(1);
+                let own = sound.steps.get(before[1] as usize).filter(|_| follows);
+                // Distances within a recording remain, unless they leave a gap.
+                let apart = own.map_or(whole, |own| (next.t - own.t).clamp(1, whole));
+                let window = grain.map_or(0, |g| g.span().start as i64 - i64::from(last.from));
+                last.start + ((apart + window) as f64 / f64::from(last.ratio.max(1e-3))).round() as i64
+            }
+        };
+        let level = match sound.component {
+            Component::Whole => 1.0,
+            Component::Steady => rules.levels[0],
+            Component::Transient => rules.levels[1],
+        };
+        let Some(mut segment) = single(dictionary, &GrainStep { t, gain: level * next.gain, ..*next }) else {
+            return;
+        };
+        segment.ratio = ratio as f32;
+        segment.len = ((f64::from(segment.len) / ratio).round() as u32).max(1);
+        segment.fades.iter_mut().for_each(|fade| fade.len = (f64::from(fade.len) / ratio).round() as u32);
+        if let Some(k) = (self.count as usize).checked_sub(1) {
+            join(dictionary, &mut self.segments[k], &mut segment);
+            // Time goes on, whatever the join does.
+            if segment.start <= self.segments[k].start {
+                let late = self.segments[k].start + 1 - segment.start;
+                segment.start += late;
+            }
+        }
+        self.place = [k, step];
+        self.recent.rotate_right(1);
+        self.recent[0] = next.grain;
+        self.picks += 1;
+        if self.count as usize == self.segments.len() {
+            self.segments.rotate_left(1);
+            self.count -= 1;
+        }
+        self.segments[self.count as usize] = segment;
+        self.count += 1;
+    }
+
+    /// Adds the frames from `first` on to the output. `scratch` has room for one frame of all channels a frame of the output.
+    ///
+    /// # Shapes
+    /// `out: [T * channels]`, interleaved; `scratch` likewise.
+    pub fn add(
+        &mut self,
+        dictionary: &GrainDictionary,
+        sounds: &[ContactSound],
+        rules: &ChainRules,
+        random: &Random,
+        [first, channels]: [i64; 2],
+        scratch: &mut [f32],
+        out: &mut [f32],
+    ) {
+        let width = channels.max(1) as usize;
+        let end = first + (out.len() / width) as i64;
+        let scratch = &mut scratch[..out.len()];
+        scratch.fill(0.0);
+        let mut at = first;
+        while at < end {
+            if self.count == 0 {
+                self.extend(dictionary, sounds, rules, random, at);
+            }
+            // The next grain is chosen when the last one begins.
+            while let Some(last) = (self.count as usize).checked_sub(1).map(|k| self.segments[k].start)
+                && last <= at
+            {
+                let picks = self.picks;
+                self.extend(dictionary, sounds, rules, random, last.max(at));
+                if self.picks == picks {
+                    return;
+                }
+            }
+            let last = (self.count as usize).checked_sub(1).map_or(end, |k| self.segments[k].start);
+            let until = last.clamp(at + 1, end);
+            let part = &mut scratch[(at - first) as usize * width..(until - first) as usize * width];
+            self.segments[..self.count as usize].iter().for_each(|s| s.add(dictionary, at, width, part));
+            at = until;
+        }
+        let step = 1.0 - (-1.0 / (SMOOTHING * dictionary.rate)).exp();
+        for (k, (out, x)) in out.chunks_exact_mut(width).zip(scratch.chunks_exact(width)).enumerate() {
+            self.level.smooth += step * (self.level.at(first + k as i64) - self.level.smooth);
+            let gain = if self.level.smooth < SILENT { 0.0 } else { self.level.smooth as f32 };
+            out.iter_mut().zip(x).for_each(|(y, x)| *y += gain * x);
+        }
+    }
+}

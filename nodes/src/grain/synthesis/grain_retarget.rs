@@ -1,0 +1,529 @@
+//! The node `GrainRetarget`.
+
+use super::chain::{Chain, ChainRules};
+use super::impact_voices::ImpactVoices;
+use super::pattern_resynth::check_rate;
+use super::repertoire::{
+    ContactSound, ImpactSound, RepertoireRules, contact_sounds, impact_sounds, sources_of,
+};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::{Params, Text};
+use crate::core::ports::{Events, Stream, Value};
+use crate::core::random::{Random, Rng};
+use crate::core::shape::{Build, Shape};
+use crate::core::time::{Rate, Tick, ticks};
+use crate::dsp::Trigger;
+use crate::grain::correlation::CorrelationPatterns;
+use crate::grain::dictionary::GrainDictionary;
+use crate::grain::recording::{Component, SourceKind};
+use crate::modal::Impact;
+use crate::rigid::{ContactState, State};
+use crate::{archive_state, params, ports};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+params! {
+    /// Plays grains of recordings that follow contacts: impacts, sliding and rolling.
+    ///
+    /// An impact plays a recording of an impact whose tags are those of `impact`, with an amplitude that follows its energy. With patterns each
+    /// recording has `variations`, whose grains are exchanged for similar ones, and no impact sounds like another. Sliding and rolling play
+    /// chains of grains of continuous recordings, one after the other, whatever the rate of the physics, with a level that follows the
+    /// power of the contact. The frequency of the steady part follows the speed; the transient part remains as it was recorded. All
+    /// contacts of two bodies are one chain.
+    ///
+    /// Triggers play impacts without physics. Tags without recordings are replaced by the nearest, with a warning.
+    ///
+    /// # Randomness
+    /// The choice of an impact and of the grains of a chain are functions of the seed, the bodies and the number of the grain.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 4.2. The
+    /// paper gives no law for the frequency; `(speed / speed_ref)^gamma` is of this project.
+    pub struct GrainRetargetParams {
+        /// Tags of impacts.
+        impact: Text = "".into();
+        /// Tags of sliding.
+        sliding: Text = "slide scrape".into();
+        /// Tags of rolling.
+        rolling: Text = "roll rolling".into();
+        /// Tags of breaking, for impacts of at least `break_energy`.
+        breaking: Text = "break".into();
+        /// Body whose impacts and contacts sound; None for all.
+        object: Option<u32> = None;
+        /// Energy at which an impact has the level of the recordings.
+        energy_ref: f64 = 0.1, unit "J", range 1e-12..=1.0e9_f64;
+        /// Smallest and largest gain of an impact; below the smallest it is silent.
+        range: [f64; 2] = [-60.0, 12.0], unit "dB", range -200.0..=60.0;
+        /// Energy from which on an impact plays the whole recording; below it plays its first grain only.
+        whole_energy: f64 = 0.0, unit "J", range 0.0..=1.0e9_f64;
+        /// Energy from which on an impact breaks something.
+        break_energy: Option<f64> = None, unit "J", range 0.0..=1.0e9_f64;
+        /// Variations of each recorded impact.
+        variations: usize = 64, unit "", range 1..=1024;
+        /// Share of the recorded differences of level between grains, and between impacts, that remains.
+        spread: f64 = 0.5, unit "", range 0.0..=1.0;
+        /// Speed of recordings without one of their own.
+        speed_ref: f64 = 0.5, unit "m/s", range 0.000001..=1000.0;
+        /// Exponent of the speed in the frequency of the steady part; 0 leaves it as recorded.
+        gamma: f64 = 0.5, unit "", range 0.0..=4.0;
+        /// Probability that a grain of a chain is followed by one of another time.
+        jump: f64 = 0.05, unit "", range 0.0..=1.0;
+        /// Level of the steady part.
+        steady: f64 = 0.0, unit "dB", range -200.0..=60.0;
+        /// Level of the transient part.
+        transient: f64 = 0.0, unit "dB", range -200.0..=60.0;
+        /// Factor on the output.
+        gain: f32 = 1.0, unit "", range 0.0..=1000.0;
+        /// Maximum number of simultaneous impacts, and of pairs of bodies in contact.
+        voices: u16 = 64, unit "voices", range 1..=1024_u16;
+        /// Duration of the output after the last event.
+        tail: f64 = 2.0, unit "s", range 0.0..=600.0;
+        /// Channels of the output; recordings of more are averaged to one.
+        channels: u16 = 1, unit "", range 1..=8_u16;
+        /// Sample rate of the audio, that of the dictionary.
+        rate: Rate = Rate::hz(48_000);
+    }
+}
+ports! {
+    pub struct GrainRetargetPorts / GrainRetargetIo {
+        in {
+            /// The grains.
+            dictionary: Value<GrainDictionary>,
+            /// Patterns of the recordings, for variations.
+            patterns: Option<Value<CorrelationPatterns>>,
+            /// Impacts.
+            impacts: Option<Events<Impact>>,
+            /// Contacts with their classification.
+            states: Option<Events<ContactState>>,
+            /// Impacts without physics, with their amplitude.
+            triggers: Option<Events<Trigger>>,
+        }
+        out {
+            /// The sound.
+            audio: Stream<f32>,
+        }
+    }
+}
+
+/// Kinds of contact that have chains.
+const KINDS: usize = 2;
+/// Components of a sound that have chains.
+const COMPONENTS: [Component; 3] = [Component::Whole, Component::Steady, Component::Transient];
+
+/// The contact of two bodies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Pair {
+    bodies: [u32; 2],
+    /// For sliding and for rolling: sum of squared gains in the frames at `latest`, and sum of gains times speeds.
+    power: [f64; KINDS],
+    speed: [f64; KINDS],
+    /// Time of the frames that are summed, and the time until the next.
+    latest: Tick,
+    interval: Tick,
+    /// True once the level of these frames is set.
+    is_set: bool,
+    chains: [[Option<Chain>; COMPONENTS.len()]; KINDS],
+    /// Number of the pair, for random numbers.
+    id: u32,
+}
+
+/// The node `GrainRetarget`.
+#[derive(Debug)]
+pub struct GrainRetarget {
+    params: GrainRetargetParams,
+    dictionary: Arc<GrainDictionary>,
+    /// Digest of the dictionary.
+    digest: String,
+    impacts: Vec<ImpactSound>,
+    breaking: Vec<ImpactSound>,
+    /// Sounds of sliding and of rolling, by component, and the first sound and the number of sounds of each.
+    contacts: [Vec<ContactSound>; KINDS],
+    ranges: [[[u32; 2]; COMPONENTS.len()]; KINDS],
+    random: Random,
+    voices: ImpactVoices,
+    breaks: ImpactVoices,
+    pairs: Vec<Pair>,
+    /// Impacts, contacts and pairs so far.
+    counts: [u64; 3],
+    not_finite: u64,
+    dropped: u64,
+    scratch: Vec<f32>,
+    notices: Vec<String>,
+}
+
+/// Change of level when a contact ends or changes its state, s.
+const RELEASE: f64 = 0.03;
+/// Frames without which a contact has ended.
+const MISSING: i64 = 3;
+
+impl GrainRetarget {
+    fn rules(&self) -> ChainRules {
+        let p = &self.params;
+        let level = |db: f64| 10f64.powf(db / 20.0) as f32;
+        ChainRules {
+            jump: p.jump,
+            gamma: p.gamma,
+            speed: p.speed_ref,
+            levels: [level(p.steady), level(p.transient)],
+        }
+    }
+
+    /// Plays an impact at a frame.
+    fn strike(&mut self, energy: f64, amplitude: f64, frame: i64) {
+        let p = &self.params;
+        let breaks = p.break_energy.is_some_and(|limit| energy >= limit) && !self.breaking.is_empty();
+        let (sounds, voices) =
+            if breaks { (&self.breaking, &mut self.breaks) } else { (&self.impacts, &mut self.voices) };
+        let [low, high] = p.range.map(|db| 10f64.powf(db / 20.0));
+        let count = self.counts[0];
+        self.counts[0] += 1;
+        if sounds.is_empty() || amplitude < low {
+            return;
+        }
+        // All sounds occur once before one occurs again; each round has its own order.
+        let (round, place) = (count / sounds.len() as u64, count % sounds.len() as u64);
+        let shift = (self.random.uniform(0, round, 7) * sounds.len() as f64) as u64;
+        let sound = ((place + shift) % sounds.len() as u64) as usize;
+        let segments = if breaks || energy >= p.whole_energy { u32::MAX } else { 1 };
+        voices.begin(sound as u32, segments, frame, amplitude.min(high) as f32, p.rate.as_f64());
+    }
+
+    /// Sets the levels of a pair from the frames that were summed.
+    fn settle(&mut self, index: usize, rate: Rate) {
+        let Some(pair) = self.pairs.get_mut(index).filter(|pair| !pair.is_set) else { return };
+        pair.is_set = true;
+        let now = rate.first_at(pair.latest);
+        let frames = rate.first_at(pair.latest + pair.interval) - now;
+        for kind in 0..KINDS {
+            let level = pair.power[kind].sqrt();
+            let speed = pair.speed[kind] / pair.power[kind].max(1e-30);
+            for (component, chain) in pair.chains[kind].iter_mut().enumerate() {
+                let range = self.ranges[kind][component];
+                // A chain that has faded out begins anew.
+                *chain = chain.filter(|chain| !chain.has_ended(now));
+                if chain.is_none() && level > 0.0 && range[1] > 0 {
+                    let id = pair.id * 8 + (kind * COMPONENTS.len() + component) as u32;
+                    *chain = Some(Chain::new(id, range, now));
+                }
+                if let Some(chain) = chain {
+                    let release = (RELEASE * rate.as_f64()) as i64;
+                    let frames = if level > 0.0 { frames } else { frames.max(release) };
+                    chain.set(level, speed, now, frames);
+                }
+            }
+        }
+    }
+
+    /// Adds a frame of a contact to its pair.
+    fn take(&mut self, tick: Tick, state: &ContactState, rate: Rate) {
+        let numbers = [state.gain, state.slip, state.sliding, state.rolling];
+        if !numbers.iter().all(|x| x.is_finite()) {
+            self.not_finite += 1;
+            return;
+        }
+        let bodies = state.frame.bodies;
+        if self.params.object.is_some_and(|object| !bodies.contains(&object)) {
+            return;
+        }
+        let index = match self.pairs.iter().position(|pair| pair.bodies == bodies) {
+            Some(index) => index,
+            None if self.pairs.len() < self.pairs.capacity() => {
+                let id = bodies[0].wrapping_mul(0x9e37).wrapping_add(bodies[1]) & 0x0fff_ffff;
+                self.pairs.push(Pair { bodies, latest: Tick::MIN, is_set: true, id, ..Pair::default() });
+                self.counts[2] += 1;
+                self.pairs.len() - 1
+            }
+            None => {
+                self.dropped += 1;
+                return;
+            }
+        };
+        if self.pairs[index].latest != tick {
+            self.settle(index, rate);
+            let pair = &mut self.pairs[index];
+            (pair.power, pair.speed, pair.latest) = ([0.0; KINDS], [0.0; KINDS], tick);
+            (pair.interval, pair.is_set) = (state.frame.interval, false);
+        }
+        if state.frame.ends {
+            return;
+        }
+        let gain = f64::from(state.gain).max(0.0).powi(2);
+        let shares = match state.state {
+            State::Sliding => [1.0, 0.0],
+            State::Rolling => [0.0, 1.0],
+            State::Mixed => [f64::from(state.slip), 1.0 - f64::from(state.slip)],
+            State::Static | State::Unsteady => [0.0, 0.0],
+        };
+        let pair = &mut self.pairs[index];
+        for (kind, speed) in [state.sliding, state.rolling].into_iter().enumerate() {
+            pair.power[kind] += shares[kind] * gain;
+            pair.speed[kind] += shares[kind] * gain * f64::from(speed);
+        }
+        self.counts[1] += 1;
+    }
+
+    /// Ends the contacts without frames, and sets the levels of frames before `now`.
+    fn advance(&mut self, now: Tick, rate: Rate) {
+        for index in 0..self.pairs.len() {
+            if self.pairs[index].latest < now {
+                self.settle(index, rate);
+            }
+            let pair = &mut self.pairs[index];
+            if pair.latest > Tick::MIN
+                && pair.latest + MISSING * pair.interval.max(1) < now
+                && pair.power != [0.0; KINDS]
+            {
+                // As if a frame without contacts had come.
+                let interval = pair.interval;
+                (pair.power, pair.latest) = ([0.0; KINDS], pair.latest + MISSING * interval);
+                pair.is_set = false;
+                self.settle(index, rate);
+            }
+        }
+    }
+
+    /// Adds the frames from `first` on.
+    fn render(&mut self, first: i64, out: &mut [f32]) {
+        let channels = i64::from(self.params.channels);
+        let rules = self.rules();
+        // Blocks fit into the scratch buffer.
+        let block = self.scratch.len() / channels as usize * channels as usize;
+        for (k, out) in out.chunks_mut(block.max(1)).enumerate() {
+            let at = [first + (k * block) as i64 / channels, channels];
+            self.voices.add(&self.dictionary, &self.impacts, at, &mut self.scratch, out);
+            self.breaks.add(&self.dictionary, &self.breaking, at, &mut self.scratch, out);
+            let end = at[0] + out.len() as i64 / channels;
+            for pair in &mut self.pairs {
+                for (kind, chains) in pair.chains.iter_mut().enumerate() {
+                    for slot in chains {
+                        let Some(chain) = slot else { continue };
+                        chain.add(
+                            &self.dictionary,
+                            &self.contacts[kind],
+                            &rules,
+                            &self.random,
+                            at,
+                            &mut self.scratch,
+                            out,
+                        );
+                        if chain.has_ended(end) {
+                            *slot = None;
+                        }
+                    }
+                }
+            }
+            // Pairs that are apart are forgotten.
+            self.pairs.retain(|pair| {
+                pair.power != [0.0; KINDS]
+                    || !pair.is_set
+                    || pair.chains.iter().flatten().any(Option::is_some)
+            });
+        }
+    }
+
+    /// Handles events in the order of their times.
+    fn play(&mut self, io: &mut GrainRetargetIo<'_>) {
+        let rate = io.audio.rate();
+        let width = usize::from(self.params.channels);
+        let (mut next, to) = (io.audio.first(), io.audio.first() + io.audio.len() as i64);
+        let none: (&[(Tick, Impact)], &[(Tick, ContactState)], &[(Tick, Trigger)]) = (&[], &[], &[]);
+        let impacts = io.impacts.as_ref().map_or(none.0, |e| e.events());
+        let states = io.states.as_ref().map_or(none.1, |e| e.events());
+        let triggers = io.triggers.as_ref().map_or(none.2, |e| e.events());
+        let mut out = io.audio.items();
+        out.fill(0.0);
+        let (mut i, mut j, mut k) = (0, 0, 0);
+        loop {
+            let times =
+                [impacts.get(i).map(|e| e.0), states.get(j).map(|e| e.0), triggers.get(k).map(|e| e.0)];
+            let Some(tick) = times.into_iter().flatten().min() else { break };
+            let frame = rate.first_at(tick).clamp(next, to);
+            self.advance(tick, rate);
+            let (now, later) = out.split_at_mut((frame - next) as usize * width);
+            self.render(next, now);
+            (next, out) = (frame, later);
+            if times[1] == Some(tick) {
+                self.take(tick, &states[j].1, rate);
+                j += 1;
+            } else if times[0] == Some(tick) {
+                let impact = &impacts[i].1;
+                i += 1;
+                let is_wanted = self.params.object.is_none_or(|object| object == impact.object);
+                if !impact.is_valid() {
+                    self.not_finite += 1;
+                } else if is_wanted {
+                    let energy = f64::from(impact.energy);
+                    self.strike(energy, (energy / self.params.energy_ref).sqrt(), frame);
+                }
+            } else {
+                let gain = f64::from(triggers[k].1.gain);
+                k += 1;
+                if gain.is_finite() {
+                    self.strike(f64::INFINITY, gain.abs(), frame);
+                } else {
+                    self.not_finite += 1;
+                }
+            }
+        }
+        self.advance(rate.tick(to), rate);
+        self.render(next, out);
+    }
+}
+
+impl Node for GrainRetarget {
+    type Params = GrainRetargetParams;
+    type Ports = GrainRetargetPorts;
+    const NAME: &'static str = "GrainRetarget";
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 30.0;
+
+    fn shape(p: &GrainRetargetParams, s: &mut Shape<'_, '_, GrainRetargetPorts>) -> Result<(), Reject> {
+        if p.range[1] < p.range[0] {
+            let message =
+                format!("`range` is {} to {} dB; the smaller gain comes first", p.range[0], p.range[1]);
+            return Err(Reject::new("F134", message).at("range"));
+        }
+        let ports = (GrainRetargetPorts::impacts, GrainRetargetPorts::states, GrainRetargetPorts::triggers);
+        if !s.linked(ports.0) && !s.linked(ports.1) && !s.linked(ports.2) {
+            let reject = Reject::new("F150", "nothing plays the grains").at("impacts");
+            return Err(reject.help("link `impacts`, `states` or `triggers`"));
+        }
+        s.tail(ticks(p.tail));
+        s.output(GrainRetargetPorts::audio, p.rate, Channels(p.channels));
+        Ok(())
+    }
+
+    fn build(p: &GrainRetargetParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let dictionary = cx.value(GrainRetargetPorts::dictionary);
+        let patterns = cx.optional_value(GrainRetargetPorts::patterns);
+        check_rate(&dictionary, p.rate)?;
+        if let Some(patterns) = &patterns {
+            patterns.validate(&dictionary).map_err(|e| Fault::new("F151", e.to_string()).at("patterns"))?;
+        }
+        let patterns = patterns.as_deref();
+        let rules = RepertoireRules { variations: p.variations, spread: p.spread };
+        let mut notices = Vec::new();
+        let mut find = |wanted: &str, kind: SourceKind| {
+            let (sources, notice) = sources_of(&dictionary, wanted, kind);
+            notices.extend(notice);
+            sources
+        };
+        let impacts = find(&p.impact.0, SourceKind::Impulsive);
+        let breaking =
+            if p.break_energy.is_some() { find(&p.breaking.0, SourceKind::Impulsive) } else { Vec::new() };
+        let kinds = [&p.sliding.0, &p.rolling.0].map(|tags| find(tags, SourceKind::Continuous));
+        let mut contacts = kinds.map(|sources| contact_sounds(&dictionary, patterns, &sources, &rules));
+        let ranges = contacts.each_mut().map(|sounds| {
+            sounds.sort_by_key(|sound| sound.component);
+            COMPONENTS.map(|component| {
+                let first = sounds.partition_point(|s| s.component < component);
+                let end = sounds.partition_point(|s| s.component <= component);
+                [first as u32, (end - first) as u32]
+            })
+        });
+        let window = cx.items_per_window(p.rate).max(256);
+        Ok(Self {
+            impacts: impact_sounds(&dictionary, patterns, &impacts, &rules, &cx.random),
+            breaking: impact_sounds(&dictionary, patterns, &breaking, &rules, &cx.random),
+            contacts,
+            ranges,
+            random: cx.random,
+            voices: ImpactVoices::new(p.voices.into()),
+            breaks: ImpactVoices::new(p.voices.into()),
+            pairs: Vec::with_capacity(p.voices.into()),
+            counts: [0; 3],
+            not_finite: 0,
+            dropped: 0,
+            scratch: vec![0.0; window.min(65_536) * usize::from(p.channels)],
+            notices,
+            digest: dictionary.id(),
+            dictionary,
+            params: p.clone(),
+        })
+    }
+
+    fn run(&mut self, mut io: GrainRetargetIo<'_>) -> Result<(), Fault> {
+        self.play(&mut io);
+        if self.params.gain != 1.0 {
+            let gain = self.params.gain;
+            io.audio.items().iter_mut().for_each(|x| *x *= gain);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: GrainRetargetIo<'_>) -> Result<Summary, Fault> {
+        let [impacts, frames, pairs] = self.counts;
+        let mut summary: Summary =
+            vec![("impacts", impacts.into()), ("contact_frames", frames.into()), ("pairs", pairs.into())];
+        summary.push(("impact_sounds", self.impacts.len().into()));
+        for (name, count) in [
+            ("stolen", self.voices.stolen + self.breaks.stolen),
+            ("not_finite", self.not_finite),
+            ("dropped", self.dropped),
+        ] {
+            if count > 0 {
+                summary.push((name, count.into()));
+            }
+        }
+        summary.extend(self.notices.iter().map(|text| ("warning", text.clone().into())));
+        Ok(summary)
+    }
+
+    fn retune(&mut self, new: &GrainRetargetParams) -> Retune {
+        let p = &self.params;
+        let same = GrainRetargetParams {
+            energy_ref: p.energy_ref,
+            range: p.range,
+            whole_energy: p.whole_energy,
+            speed_ref: p.speed_ref,
+            gamma: p.gamma,
+            jump: p.jump,
+            steady: p.steady,
+            transient: p.transient,
+            gain: p.gain,
+            ..new.clone()
+        };
+        if same != self.params {
+            return Retune::Rebuild;
+        }
+        self.params.clone_from(new);
+        Retune::Done
+    }
+
+    fn adopt(&mut self, old: &mut Self) {
+        if self.digest != old.digest || self.ranges != old.ranges {
+            return;
+        }
+        if self.impacts.len() == old.impacts.len() {
+            self.voices.take_state(&old.voices);
+            self.breaks.take_state(&old.breaks);
+        }
+        self.pairs.clear();
+        self.pairs.extend(old.pairs.iter().take(self.params.voices.into()).copied());
+        (self.counts, self.not_finite, self.dropped) = (old.counts, old.not_finite, old.dropped);
+    }
+
+    archive_state!(voices, breaks, pairs, counts, not_finite, dropped);
+
+    fn trial(rng: &mut Rng) -> (GrainRetargetParams, MemoryFiles) {
+        let params = GrainRetargetParams {
+            impact: "trial".into(),
+            rate: Rate::hz(8000),
+            object: None,
+            range: [-60.0, 12.0],
+            variations: 1 + rng.below(4),
+            voices: 1 + rng.below(5) as u16,
+            channels: 1 + rng.below(2) as u16,
+            tail: rng.between(0.0, 0.3),
+            gain: 0.5,
+            ..GrainRetargetParams::trial(rng)
+        };
+        (params, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

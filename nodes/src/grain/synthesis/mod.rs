@@ -1,0 +1,18 @@
+//! Sounds of grains: from patterns, and from contacts.
+
+mod chain;
+pub mod grain_retarget;
+mod impact_voices;
+pub mod pattern_resynth;
+pub mod pattern_timescale;
+pub mod pattern_variation;
+mod repertoire;
+mod segment;
+mod selection;
+mod walk;
+
+pub use chain::{Chain, ChainRules};
+pub use impact_voices::ImpactVoices;
+pub use repertoire::{ContactSound, ImpactSound, RepertoireRules, contact_sounds, impact_sounds, sources_of};
+pub use segment::{Fade, GrainSegment, GrainStep, join, segments, single};
+pub use walk::{GapRule, VariationRules, onset_steps, time_scaled, varied, walk};

@@ -1,0 +1,211 @@
+//! The node `PatternResynth`.
+
+use super::segment::{GrainSegment, segments};
+use super::selection::patterns_of;
+use super::walk::{GapRule, walk};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Retune, Summary};
+use crate::core::params::{Params, Text};
+use crate::core::ports::{Stream, Value};
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::core::time::{Rate, ticks};
+use crate::grain::correlation::CorrelationPatterns;
+use crate::grain::dictionary::GrainDictionary;
+use crate::grain::recording::Component;
+use crate::{params, ports};
+use std::sync::Arc;
+
+params! {
+    /// Plays a recording from its pattern of grains.
+    ///
+    /// After each grain the best one follows that begins where its last taper begins, or soon after. Each has the power of the recording
+    /// under it. Grains that were neighbours join without a trace, others are faded over. Steady and transient part are added.
+    ///
+    /// # Source
+    /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 4.1. The
+    /// amplitude is the square root of the ratio of powers; the ratio itself would square the dynamics.
+    pub struct PatternResynthParams {
+        /// Part of the name of the recording; the first one by default.
+        recording: Text = "".into();
+        /// Time at which it begins.
+        start: f64 = 0.0, unit "s", range 0.0..=86_400.0;
+        /// Play it again at its end.
+        repeat: bool = false;
+        /// Duration of the output; None for no end.
+        duration: Option<f64> = Some(5.0), unit "s", range 0.0..=86_400.0;
+        /// What follows a grain after which no other begins soon.
+        gap: GapRule = GapRule::Extend;
+        /// Factor on the output.
+        gain: f32 = 1.0, unit "", range 0.0..=1000.0;
+        /// Level of the steady part.
+        steady: f64 = 0.0, unit "dB", range -200.0..=60.0;
+        /// Level of the transient part.
+        transient: f64 = 0.0, unit "dB", range -200.0..=60.0;
+        /// Channels of the output; recordings of more are averaged to one.
+        channels: u16 = 1, unit "", range 1..=8_u16;
+        /// Sample rate of the audio, that of the dictionary.
+        rate: Rate = Rate::hz(48_000);
+    }
+}
+ports! {
+    pub struct PatternResynthPorts / PatternResynthIo {
+        in {
+            /// The patterns.
+            patterns: Value<CorrelationPatterns>,
+            /// The grains.
+            dictionary: Value<GrainDictionary>,
+        }
+        out {
+            /// The sound.
+            audio: Stream<f32>,
+        }
+    }
+}
+
+/// The node `PatternResynth`.
+#[derive(Debug)]
+pub struct PatternResynth {
+    params: PatternResynthParams,
+    dictionary: Arc<GrainDictionary>,
+    /// Segments of each component by their start.
+    parts: Vec<(Component, Vec<GrainSegment>)>,
+    /// Frames of the recording.
+    frames: i64,
+    /// Longest segment.
+    longest: i64,
+}
+
+/// Checks that a dictionary has the rate of an output.
+pub(super) fn check_rate(dictionary: &GrainDictionary, rate: Rate) -> Result<(), Fault> {
+    if (dictionary.rate - rate.as_f64()).abs() < 1e-9 {
+        return Ok(());
+    }
+    let message = format!("the grains have {} Hz, `rate` is {} Hz", dictionary.rate, rate.as_f64());
+    let help = "set `rate` to that of the grains, or `rate` of GrainRecordings to this one";
+    Err(Fault::new("F150", message).at("rate").help(help))
+}
+
+impl PatternResynth {
+    fn level(&self, component: Component) -> f32 {
+        let db = match component {
+            Component::Whole => 0.0,
+            Component::Steady => self.params.steady,
+            Component::Transient => self.params.transient,
+        };
+        self.params.gain * 10f64.powf(db / 20.0) as f32
+    }
+}
+
+impl Node for PatternResynth {
+    type Params = PatternResynthParams;
+    type Ports = PatternResynthPorts;
+    const NAME: &'static str = "PatternResynth";
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 10.0;
+
+    fn shape(p: &PatternResynthParams, s: &mut Shape<'_, '_, PatternResynthPorts>) -> Result<(), Reject> {
+        s.ends(p.duration.map(ticks));
+        s.output(PatternResynthPorts::audio, p.rate, Channels(p.channels));
+        Ok(())
+    }
+
+    fn build(p: &PatternResynthParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let dictionary = cx.value(PatternResynthPorts::dictionary);
+        let patterns = cx.value(PatternResynthPorts::patterns);
+        check_rate(&dictionary, p.rate)?;
+        patterns.validate(&dictionary).map_err(|e| Fault::new("F151", e.to_string()).at("patterns"))?;
+        let found = patterns_of(&patterns, &p.recording.0)?;
+        let mut parts = Vec::with_capacity(found.len());
+        for pattern in &found {
+            let mut all = segments(&dictionary, &walk(pattern, &dictionary, p.gap));
+            all.sort_by_key(|segment| segment.start);
+            parts.push((pattern.component, all));
+        }
+        let frames = found.iter().map(|pattern| pattern.frames as i64).max().unwrap_or(0);
+        let last = parts.iter().flat_map(|(_, all)| all.iter().map(GrainSegment::end)).max().unwrap_or(0);
+        let longest =
+            parts.iter().flat_map(|(_, all)| all.iter().map(|s| i64::from(s.len))).max().unwrap_or(0);
+        Ok(Self { params: p.clone(), dictionary, parts, frames: frames.max(last).max(1), longest })
+    }
+
+    fn run(&mut self, mut io: PatternResynthIo<'_>) -> Result<(), Fault> {
+        let channels = io.audio.width().max(1);
+        let begins = io.audio.rate().first_at(ticks(self.params.start));
+        let first = io.audio.first() - begins;
+        let out = io.audio.items();
+        out.fill(0.0);
+        let frames = (out.len() / channels) as i64;
+        // Repetitions that sound in this window.
+        let rounds = if self.params.repeat {
+            first.div_euclid(self.frames).max(0)..=(first + frames).div_euclid(self.frames)
+        } else {
+            0..=0
+        };
+        for round in rounds {
+            let at = first - round * self.frames;
+            for (component, all) in &self.parts {
+                let level = self.level(*component);
+                let from = all.partition_point(|s| s.start + self.longest <= at);
+                for segment in
+                    all.get(from..).unwrap_or_default().iter().take_while(|s| s.start < at + frames)
+                {
+                    let segment = GrainSegment { gain: level * segment.gain, ..*segment };
+                    segment.add(&self.dictionary, at, channels, out);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: PatternResynthIo<'_>) -> Result<Summary, Fault> {
+        let grains: usize = self.parts.iter().map(|(_, all)| all.len()).sum();
+        let of_gaps =
+            |all: &[GrainSegment]| -> i64 { all.windows(2).map(|w| (w[1].start - w[0].end()).max(0)).sum() };
+        let longest =
+            self.parts.iter().flat_map(|(_, all)| all.windows(2).map(|w| w[1].start - w[0].end())).max();
+        let gaps: i64 = self.parts.iter().map(|(_, all)| of_gaps(all)).sum();
+        let total = self.frames * self.parts.len().max(1) as i64;
+        let seconds = longest.unwrap_or(0).max(0) as f64 / self.dictionary.rate;
+        Ok(vec![
+            ("grains", grains.into()),
+            ("seconds", (self.frames as f64 / self.dictionary.rate).into()),
+            ("gaps", (gaps as f64 / total as f64).into()),
+            ("longest_gap_s", seconds.into()),
+        ])
+    }
+
+    fn retune(&mut self, new: &PatternResynthParams) -> Retune {
+        let same = PatternResynthParams {
+            gain: self.params.gain,
+            steady: self.params.steady,
+            transient: self.params.transient,
+            ..new.clone()
+        };
+        if same != self.params {
+            return Retune::Rebuild;
+        }
+        (self.params.gain, self.params.steady, self.params.transient) = (new.gain, new.steady, new.transient);
+        Retune::Done
+    }
+
+    fn trial(rng: &mut Rng) -> (PatternResynthParams, MemoryFiles) {
+        let params = PatternResynthParams {
+            recording: ["", "trial_1"][rng.below(2)].into(),
+            rate: Rate::hz(8000),
+            start: rng.between(0.0, 0.1),
+            duration: Some(rng.between(0.1, 0.6)),
+            gain: rng.between(0.0, 2.0) as f32,
+            steady: 0.0,
+            transient: 0.0,
+            channels: 1 + rng.below(2) as u16,
+            ..PatternResynthParams::trial(rng)
+        };
+        (params, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,309 @@
+//! Grains in time: pieces of runs with fades, and the joins between them.
+
+use crate::grain::dictionary::{Grain, GrainDictionary};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_PI_2;
+
+/// Shortest fade between grains that were not neighbours, s.
+const SHORTEST_FADE: f64 = 0.002;
+
+/// A fade at an end of a segment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Fade {
+    /// Samples of the fade.
+    pub len: u32,
+    /// Equal power, for sounds that are not correlated; else a raised cosine at half samples, for neighbours.
+    pub equal_power: bool,
+}
+
+impl Fade {
+    /// Value at sample `i` of a rising fade.
+    #[inline]
+    fn at(self, i: f64) -> f64 {
+        let x = (i + 0.5) / f64::from(self.len.max(1));
+        if i >= f64::from(self.len) {
+            1.0
+        } else if self.equal_power {
+            (FRAC_PI_2 * x).sin()
+        } else {
+            0.5 - 0.5 * (2.0 * FRAC_PI_2 * x).cos()
+        }
+    }
+}
+
+/// A piece of a run of a dictionary at a time of the output.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GrainSegment {
+    /// Index of the grain.
+    pub grain: u32,
+    /// The run.
+    pub run: u32,
+    /// First sample in the run.
+    pub from: u32,
+    /// First frame of the output.
+    pub start: i64,
+    /// Frames of the output.
+    pub len: u32,
+    /// Fades at the beginning and at the end.
+    pub fades: [Fade; 2],
+    /// Amplitude; negative for the opposite sign.
+    pub gain: f32,
+    /// Samples of the run for each frame.
+    pub ratio: f32,
+}
+
+/// Third-order interpolation between the samples around a position.
+#[inline]
+fn interpolated(x: &[f32], position: f64) -> f32 {
+    let k = position as usize;
+    let at = |k: usize| x.get(k).copied().unwrap_or(0.0);
+    let (a, b, c, d) = (at(k.saturating_sub(1)), at(k), at(k + 1), at(k + 2));
+    let t = (position - k as f64) as f32;
+    let (m, n) = (0.5 * (c - a), 0.5 * (d - b));
+    let (t2, t3) = (t * t, t * t * t);
+    b * (2.0 * t3 - 3.0 * t2 + 1.0) + m * (t3 - 2.0 * t2 + t) + c * (3.0 * t2 - 2.0 * t3) + n * (t3 - t2)
+}
+
+impl GrainSegment {
+    /// First frame of the output after it.
+    #[must_use]
+    pub fn end(&self) -> i64 {
+        self.start + i64::from(self.len)
+    }
+
+    /// Adds the frames from `first` on to the output. Grains of more channels than the output are averaged.
+    ///
+    /// # Shapes
+    /// `out: [T * channels]`, interleaved.
+    pub fn add(&self, dictionary: &GrainDictionary, first: i64, channels: usize, out: &mut [f32]) {
+        let frames = (out.len() / channels.max(1)) as i64;
+        let (from, to) = (self.start.max(first), self.end().min(first + frames));
+        if from >= to {
+            return;
+        }
+        let stored = dictionary.runs.get(self.run as usize).map_or(1, |run| usize::from(run.channels).max(1));
+        let out = &mut out[(from - first) as usize * channels..(to - first) as usize * channels];
+        if channels == 1 && stored > 1 {
+            let gain = self.gain / stored as f32;
+            (0..stored).for_each(|channel| {
+                self.add_channel(dictionary.run(self.run, channel), from, gain, out, [1, 0])
+            });
+        } else {
+            for channel in 0..channels {
+                let x = dictionary.run(self.run, channel % stored);
+                self.add_channel(x, from, self.gain, out, [channels, channel]);
+            }
+        }
+    }
+
+    fn add_channel(&self, x: &[f32], from: i64, gain: f32, out: &mut [f32], [step, channel]: [usize; 2]) {
+        let offset = (from - self.start) as usize;
+        let frames = out.iter_mut().skip(channel).step_by(step).enumerate();
+        let is_plain = self.ratio == 1.0;
+        let plain = x.get(self.from as usize + offset..).unwrap_or_default();
+        for (n, y) in frames {
+            let i = offset + n;
+            let sample = if is_plain {
+                plain.get(n).copied().unwrap_or(0.0)
+            } else {
+                interpolated(x, f64::from(self.from) + i as f64 * f64::from(self.ratio))
+            };
+            *y += gain * self.envelope(i) * sample;
+        }
+    }
+
+    /// The fades at frame `i`.
+    #[inline]
+    fn envelope(&self, i: usize) -> f32 {
+        let (i, last) = (i as u32, self.len.saturating_sub(1));
+        let [fade_in, fade_out] = self.fades;
+        let mut value = 1.0;
+        if i < fade_in.len {
+            value *= fade_in.at(f64::from(i));
+        }
+        if last.saturating_sub(i) < fade_out.len {
+            value *= fade_out.at(f64::from(last - i));
+        }
+        value as f32
+    }
+}
+
+/// A grain at its time: `t` is the frame at which its window begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GrainStep {
+    /// Index of the grain.
+    pub grain: u32,
+    /// Frame at which the windowed grain begins.
+    pub t: i64,
+    /// Amplitude; negative for the opposite sign.
+    pub gain: f32,
+}
+
+/// The segment of a single grain, with its own tapers.
+#[must_use]
+pub fn single(dictionary: &GrainDictionary, step: &GrainStep) -> Option<GrainSegment> {
+    let grain = dictionary.grains.get(step.grain as usize)?;
+    let [fade_in, fade_out] = grain.taper.map(|len| Fade { len: len.into(), equal_power: false });
+    Some(GrainSegment {
+        grain: step.grain,
+        run: grain.run,
+        from: grain.span().start as u32,
+        start: step.t,
+        len: grain.window_len() as u32,
+        fades: [fade_in, fade_out],
+        gain: step.gain * grain.gain,
+        ratio: 1.0,
+    })
+}
+
+/// Joins two successive segments of grains.
+///
+/// Neighbours at their distance in the recording overlap in their common taper, and join without a trace. Others are faded over with equal
+/// power for at least 2 ms, in the middle of what lies between them, as far as the sound around both reaches; where it does not, a gap
+/// remains.
+pub fn join(dictionary: &GrainDictionary, before: &mut GrainSegment, after: &mut GrainSegment) {
+    let (Some(a), Some(b)) =
+        (dictionary.grains.get(before.grain as usize), dictionary.grains.get(after.grain as usize))
+    else {
+        return;
+    };
+    let a_window_end = before.end();
+    let apart = after.start - before_window_start(a, before);
+    let in_source = b.window_start() as i64 - a.window_start() as i64;
+    if GrainDictionary::are_neighbours(a, b)
+        && apart == in_source
+        && before.ratio == 1.0
+        && after.ratio == 1.0
+    {
+        return;
+    }
+    let shortest = (SHORTEST_FADE * dictionary.rate).round() as i64;
+    let fade = shortest.max(i64::from(a.taper[1].min(b.taper[0])));
+    let margin = |samples: usize, ratio: f32| (samples as f64 / f64::from(ratio.max(1e-3))) as i64;
+    let after_margin = margin(dictionary.margins(a)[1], before.ratio);
+    let before_margin = margin(dictionary.margins(b)[0], after.ratio);
+    let middle = if a_window_end > after.start + fade {
+        after.start
+    } else {
+        (a_window_end + after.start).div_euclid(2)
+    };
+    let earliest = (after.start - before_margin).max(before.start);
+    let latest = (a_window_end + after_margin).min(after.end());
+    let (mut low, mut high) = ((middle - fade / 2).max(earliest), (middle + (fade + 1) / 2).min(latest));
+    if high - low < fade {
+        // As much of the fade as fits, on either side.
+        low = low.min(high - fade).max(earliest);
+        high = high.max(low + fade).min(latest);
+    }
+    if high > low {
+        set_end(before, high, Fade { len: (high - low) as u32, equal_power: true });
+        set_start(after, low, Fade { len: (high - low) as u32, equal_power: true });
+    } else {
+        let (end, start) = (latest.min(low.max(before.start + 1)), earliest.max(high.min(after.end() - 1)));
+        set_end(before, end.max(before.start + 1), Fade { len: fade as u32, equal_power: false });
+        set_start(after, start.min(after.end() - 1), Fade { len: fade as u32, equal_power: false });
+    }
+}
+
+/// Frame at which the windowed grain of a segment begins, whatever was added before it.
+fn before_window_start(grain: &Grain, segment: &GrainSegment) -> i64 {
+    let added = grain.span().start as i64 - i64::from(segment.from);
+    segment.start + (added as f64 / f64::from(segment.ratio.max(1e-3))).round() as i64
+}
+
+fn set_end(segment: &mut GrainSegment, end: i64, fade: Fade) {
+    segment.len = (end - segment.start).max(1) as u32;
+    segment.fades[1] = Fade { len: fade.len.min(segment.len), ..fade };
+}
+
+fn set_start(segment: &mut GrainSegment, start: i64, fade: Fade) {
+    let moved = start - segment.start;
+    let samples = (moved as f64 * f64::from(segment.ratio)).round() as i64;
+    segment.from = (i64::from(segment.from) + samples).max(0) as u32;
+    segment.len = (i64::from(segment.len) - moved).max(1) as u32;
+    segment.start = start;
+    segment.fades[0] = Fade { len: fade.len.min(segment.len), ..fade };
+}
+
+/// The segments of grains in order of time, joined.
+#[must_use]
+pub fn segments(dictionary: &GrainDictionary, steps: &[GrainStep]) -> Vec<GrainSegment> {
+    let mut all: Vec<GrainSegment> = Vec::with_capacity(steps.len());
+    for step in steps {
+        let Some(mut next) = single(dictionary, step) else { continue };
+        if let Some(before) = all.last_mut() {
+            join(dictionary, before, &mut next);
+        }
+        all.push(next);
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grain::trial_dictionary;
+
+    fn step(grain: usize, t: i64) -> GrainStep {
+        GrainStep { grain: grain as u32, t, gain: 1.0 }
+    }
+
+    fn render(dictionary: &GrainDictionary, segments: &[GrainSegment], n: usize, block: usize) -> Vec<f32> {
+        let mut out = vec![0.0; n];
+        for (k, out) in out.chunks_mut(block).enumerate() {
+            segments.iter().for_each(|s| s.add(dictionary, (k * block) as i64, 1, out));
+        }
+        out
+    }
+
+    #[test]
+    fn neighbours_join_without_a_trace() {
+        let dictionary = trial_dictionary();
+        let of_first = dictionary.grains.iter().filter(|g| g.source == 0 && g.run == 0);
+        let steps: Vec<GrainStep> =
+            of_first.enumerate().map(|(k, g)| step(k, g.window_start() as i64)).collect();
+        assert!(steps.len() > 3);
+        let all = segments(&dictionary, &steps);
+        let end = all.last().unwrap().end() as usize;
+        let whole = render(&dictionary, &all, end, end);
+        let (first, x) = (dictionary.grains[0], dictionary.run(0, 0));
+        let inner = first.start as usize + 20..end - 60;
+        for t in inner {
+            let want = x[t - first.start as usize + first.position as usize];
+            assert!((whole[t] - want).abs() < 1e-6, "{t}: {} {want}", whole[t]);
+        }
+        assert_eq!(whole, render(&dictionary, &all, end, 37));
+    }
+
+    #[test]
+    fn strangers_are_faded_over_with_equal_power() {
+        let dictionary = trial_dictionary();
+        let second = dictionary.grains.iter().position(|g| g.source == 1).unwrap() + 1;
+        let a = dictionary.grains[1].window_len() as i64;
+        for apart in [-3, 0, 20] {
+            let all = segments(&dictionary, &[step(1, 0), step(second, a + apart)]);
+            let [fade_out, fade_in] = [all[0].fades[1], all[1].fades[0]];
+            assert!(fade_out.equal_power && fade_out == fade_in && fade_in.len >= 16, "{all:?}");
+            assert_eq!(all[0].end() - i64::from(fade_out.len), all[1].start);
+            for i in 0..fade_in.len {
+                let (x, y) = (fade_in.at(f64::from(i)), fade_out.at(f64::from(fade_out.len - 1 - i)));
+                assert!((x * x + y * y - 1.0).abs() < 1e-9);
+            }
+        }
+        // Too far apart for what is stored around both: a gap.
+        let (last, first) = (second - 2, second - 1);
+        let apart = dictionary.grains[last].window_len() as i64 + 400;
+        let all = segments(&dictionary, &[step(last, 0), step(first, apart)]);
+        assert!(all[0].end() < all[1].start);
+    }
+
+    #[test]
+    fn a_ratio_of_one_half_plays_an_octave_lower() {
+        let dictionary = trial_dictionary();
+        let mut segment = single(&dictionary, &step(1, 0)).unwrap();
+        segment.fades = [Fade::default(); 2];
+        let plain = render(&dictionary, &[segment], 60, 60);
+        let slow = render(&dictionary, &[GrainSegment { ratio: 0.5, ..segment }], 120, 120);
+        assert!((0..50).all(|k| (slow[2 * k] - plain[k]).abs() < 1e-6));
+    }
+}
