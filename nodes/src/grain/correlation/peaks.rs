@@ -65,6 +65,25 @@ impl Normaliser {
     }
 }
 
+/// Outputs that are skipped, or normalised, together.
+const BLOCK: usize = 64;
+
+/// Normalised correlations of one grain, computed block by block when they are needed.
+#[derive(Clone, Debug, Default)]
+pub struct Scores {
+    values: Vec<f32>,
+    /// Greatest value of each block; negative if the block was not computed.
+    tops: Vec<f32>,
+}
+
+impl Scores {
+    fn reset(&mut self, len: usize) {
+        self.values.resize(len.max(self.values.len()), 0.0);
+        self.tops.clear();
+        self.tops.resize(len.div_ceil(BLOCK), -1.0);
+    }
+}
+
 /// The correlation of a grain with part of a recording.
 pub struct GrainCorrelation<'a> {
     /// `sum_n x[t + n] g[n]` for `t` from `first` on.
@@ -78,28 +97,64 @@ pub struct GrainCorrelation<'a> {
     pub absolute: bool,
     /// The transforms that computed `y`, whose rounding errors count as if they raised each value; none if it is exact.
     pub blocks: Option<&'a Blocks>,
+    scores: &'a mut Scores,
 }
 
 /// Rounding error of a correlation by transforms, relative to the norms of its block and of the grain.
 const ROUNDING: f64 = 1e-6;
 
-/// Outputs that are skipped together.
-const BLOCK: usize = 64;
+/// Greatest value, at least 0, in eight lanes.
+fn greatest(y: &[f32], absolute: bool) -> f32 {
+    let mut lanes = [0.0_f32; 8];
+    let (chunks, rest) = y.as_chunks::<8>();
+    for chunk in chunks {
+        for (lane, y) in lanes.iter_mut().zip(chunk) {
+            let y = if absolute { y.abs() } else { *y };
+            *lane = if y > *lane { y } else { *lane };
+        }
+    }
+    let of_rest = rest.iter().map(|y| if absolute { y.abs() } else { *y });
+    lanes.into_iter().chain(of_rest).fold(0.0, f32::max)
+}
 
-impl GrainCorrelation<'_> {
-    /// Returns the value whose peaks are taken.
-    fn value(&self, y: f32) -> f32 {
-        if self.absolute { y.abs() } else { y }
+impl<'a> GrainCorrelation<'a> {
+    /// The correlations `y` from sample `first` on, of a grain of `len` samples and a norm.
+    pub fn new(
+        y: &'a [f32],
+        first: usize,
+        (len, norm): (usize, f64),
+        normaliser: &'a Normaliser,
+        absolute: bool,
+        blocks: Option<&'a Blocks>,
+        scores: &'a mut Scores,
+    ) -> Self {
+        scores.reset(y.len());
+        Self { y, first, len, norm, normaliser, absolute, blocks, scores }
+    }
+
+    /// Computes a block, unless it is there.
+    fn compute(&mut self, block: usize) {
+        if self.scores.tops.get(block).is_none_or(|top| *top >= 0.0) {
+            return;
+        }
+        let from = block * BLOCK;
+        let to = (from + BLOCK).min(self.y.len());
+        let mut top = 0.0_f32;
+        for k in from..to {
+            let y = if self.absolute { self.y[k].abs() } else { self.y[k] };
+            let norm = if self.norm > 0.0 { self.normaliser.norm(self.first + k, self.len) } else { None };
+            let c = norm.map_or(0.0, |norm| (f64::from(y) / (norm * self.norm)) as f32);
+            self.scores.values[k] = c;
+            top = top.max(c);
+        }
+        self.scores.tops[block] = top;
     }
 
     /// Normalised correlation at a sample of the recording; 0 in silence and outside.
-    #[must_use]
-    pub fn at(&self, t: usize) -> f64 {
-        let Some(y) = t.checked_sub(self.first).and_then(|k| self.y.get(k)) else { return 0.0 };
-        if self.norm <= 0.0 {
-            return 0.0;
-        }
-        self.normaliser.norm(t, self.len).map_or(0.0, |norm| f64::from(self.value(*y)) / (norm * self.norm))
+    fn at(&mut self, t: usize) -> f32 {
+        let Some(k) = t.checked_sub(self.first).filter(|k| *k < self.y.len()) else { return 0.0 };
+        self.compute(k / BLOCK);
+        self.scores.values[k]
     }
 
     /// Rounding error of `y` at a sample of the recording, relative to the norm of the grain.
@@ -114,60 +169,100 @@ impl GrainCorrelation<'_> {
     }
 
     /// Returns true if `t` is a local maximum: strict to the left, not exceeded to the right; ends count.
-    fn is_maximum(&self, t: usize, c: f64) -> bool {
-        let left = t.checked_sub(1).is_none_or(|t| t < self.first || c > self.at(t));
-        left && c >= self.at(t + 1)
+    fn is_maximum(&mut self, t: usize, c: f32) -> bool {
+        (t <= self.first || c > self.at(t - 1)) && c >= self.at(t + 1)
     }
 
-    /// Visits all local maxima in `range` whose correlation, raised by its rounding error, reaches `least`, which is a function of the sample.
-    pub fn maxima(
-        &self,
+    /// Returns true if no correlation of a block reaches `least`, whatever the rounding errors.
+    fn is_below(&self, block: usize, least: f64) -> bool {
+        let from = block * BLOCK;
+        let part = &self.y[from..(from + BLOCK).min(self.y.len())];
+        let t = self.first + from;
+        let noise = self.noise(t).max(self.noise(t + part.len() - 1));
+        let bound = (least * self.normaliser.least(t, part.len(), self.len) - noise) * self.norm;
+        let top = greatest(part, self.absolute);
+        f64::from(top) < bound || top <= 0.0
+    }
+
+    /// Visits all local maxima in `range` whose correlation, raised by its rounding error, reaches `least`, which is a function of the sample,
+    /// and which the greedy choice by falling correlation takes: none that it takes before, within `apart` samples, is greater (or equal
+    /// and earlier).
+    pub fn taken(
+        &mut self,
         range: std::ops::Range<usize>,
+        apart: usize,
         least: impl Fn(usize) -> f64,
-        mut visit: impl FnMut(usize, f64),
+        mut visit: impl FnMut(&Self, usize, f64),
     ) {
-        let mut t = range.start;
-        while t < range.end {
-            let count = BLOCK.min(range.end - t);
-            let from = t - self.first;
-            let part = self.y.get(from..(from + count).min(self.y.len())).unwrap_or_default();
-            let top = if self.absolute {
-                part.iter().fold(0.0_f32, |top, y| top.max(y.abs()))
-            } else {
-                part.iter().fold(0.0_f32, |top, y| top.max(*y))
-            };
-            let wanted = least(t).min(least(t + count - 1));
-            let noise = self.noise(t).max(self.noise(t + count - 1));
-            let bound = (wanted * self.normaliser.least(t, count, self.len) - noise) * self.norm;
-            if f64::from(top) >= bound && top > 0.0 {
-                for t in t..t + part.len() {
+        let end = range.end.min(self.first + self.y.len());
+        let mut t = range.start.max(self.first);
+        while t < end {
+            let block = (t - self.first) / BLOCK;
+            let next = (self.first + (block + 1) * BLOCK).min(end);
+            let (low, high) = (least(t), least(next - 1));
+            if !self.is_below(block, low.min(high)) {
+                for t in t..next {
                     let c = self.at(t);
-                    if c > 0.0 && c + self.error(t) >= least(t) && self.is_maximum(t, c) {
-                        visit(t, c);
+                    let wanted = if low == high { low } else { least(t) };
+                    // Rounding errors matter in few windows.
+                    let reaches = f64::from(c) >= wanted || f64::from(c) + self.error(t) >= wanted;
+                    if c > 0.0 && reaches && self.is_maximum(t, c) && self.is_taken(t, c, apart) {
+                        visit(self, t, f64::from(c));
                     }
                 }
             }
-            t += count;
+            t = next;
         }
     }
 
-    /// Returns true if the greedy choice by falling correlation takes the local maximum at `t`: none that it takes before, within `apart`
-    /// samples, is greater (or equal and earlier).
-    #[must_use]
-    pub fn is_taken(&self, t: usize, c: f64, apart: usize) -> bool {
-        let range = t.saturating_sub(apart).max(self.first)..(t + apart + 1).min(self.first + self.y.len());
-        let mut greater = Vec::new();
-        self.maxima(
-            range,
-            |_| c,
-            |u, d| {
-                if d > c || (d == c && u < t) {
-                    greater.push((u, d));
+    /// Returns true if the greedy choice takes the local maximum at `t`.
+    fn is_taken(&mut self, t: usize, c: f32, apart: usize) -> bool {
+        let mut bound = None;
+        while let Some((u, d)) = self.greater(t, c, apart, bound) {
+            if self.is_taken(u, d, apart) {
+                return false;
+            }
+            bound = Some((u, d));
+        }
+        true
+    }
+
+    /// The greatest local maximum within `apart` samples that comes before the one at `t` in the order of the greedy choice, and after
+    /// `bound`.
+    fn greater(
+        &mut self,
+        t: usize,
+        c: f32,
+        apart: usize,
+        bound: Option<(usize, f32)>,
+    ) -> Option<(usize, f32)> {
+        let from = t.saturating_sub(apart).max(self.first);
+        let to = (t + apart + 1).min(self.first + self.y.len());
+        let mut best: Option<(usize, f32)> = None;
+        let comes_before = |a: (usize, f32), b: (usize, f32)| a.1 > b.1 || (a.1 == b.1 && a.0 < b.0);
+        let mut u = from;
+        while u < to {
+            let block = (u - self.first) / BLOCK;
+            let next = (self.first + (block + 1) * BLOCK).min(to);
+            let floor = best.map_or(c, |best| best.1);
+            let is_computed = self.scores.tops[block] >= 0.0;
+            if !is_computed && !self.is_below(block, f64::from(floor)) {
+                self.compute(block);
+            }
+            if self.scores.tops[block] >= floor {
+                for u in u..next {
+                    let d = self.scores.values[u - self.first];
+                    let is_next = comes_before((u, d), (t, c))
+                        && best.is_none_or(|best| comes_before((u, d), best))
+                        && bound.is_none_or(|bound| comes_before(bound, (u, d)));
+                    if is_next && self.is_maximum(u, d) {
+                        best = Some((u, d));
+                    }
                 }
-            },
-        );
-        greater.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        !greater.into_iter().any(|(u, d)| self.is_taken(u, d, apart))
+            }
+            u = next;
+        }
+        best
     }
 }
 
@@ -217,26 +312,12 @@ mod tests {
                 })
                 .collect();
             let normaliser = Normaliser::new(&x, -70.0, false);
-            let all = GrainCorrelation {
-                y: &y,
-                first: 0,
-                len,
-                norm: norm(&g),
-                normaliser: &normaliser,
-                absolute: false,
-                blocks: None,
-            };
+            let mut scores = Scores::default();
+            let mut all =
+                GrainCorrelation::new(&y, 0, (len, norm(&g)), &normaliser, false, None, &mut scores);
             let apart = if trial % 2 == 0 { len / 2 } else { 3 };
             let mut found = Vec::new();
-            all.maxima(
-                0..y.len(),
-                |_| 0.1,
-                |t, c| {
-                    if all.is_taken(t, c, apart) {
-                        found.push((t, c));
-                    }
-                },
-            );
+            all.taken(0..y.len(), apart, |_| 0.1, |_, t, c| found.push((t, c)));
             let want = greedy(&x, &g, apart, 0.1);
             assert_eq!(
                 found.iter().map(|p| p.0).collect::<Vec<_>>(),

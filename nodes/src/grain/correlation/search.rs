@@ -3,7 +3,7 @@
 use super::patterns::{
     CorrelationPatterns, PATTERNS_VERSION, Pattern, Peak, stored_correlation, stored_gain,
 };
-use super::peaks::{GrainCorrelation, Normaliser};
+use super::peaks::{GrainCorrelation, Normaliser, Scores};
 use super::transform::{Blocks, best_size};
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
@@ -180,8 +180,8 @@ fn search(
             let found: Vec<Vec<Candidate>> = shapes
                 .par_iter()
                 .map_init(
-                    || (blocks.buffers(), Vec::new()),
-                    |(buffers, y), shape| {
+                    || (blocks.buffers(), Vec::new(), Scores::default()),
+                    |(buffers, y, scores), shape| {
                         let len = shape.samples.len();
                         if len > x.len() || shape.norm <= 0.0 {
                             return Vec::new();
@@ -189,16 +189,16 @@ fn search(
                         blocks.correlate(&shape.samples, buffers, y);
                         // Only whole windows count.
                         y.truncate((x.len() - len + 1).saturating_sub(first));
-                        let correlation = GrainCorrelation {
+                        let mut correlation = GrainCorrelation::new(
                             y,
                             first,
-                            len,
-                            norm: shape.norm,
+                            (len, shape.norm),
                             normaliser,
-                            absolute: rules.absolute,
-                            blocks: Some(&blocks),
-                        };
-                        candidates(&correlation, start..end, shape.grain, slots, rules)
+                            rules.absolute,
+                            Some(&blocks),
+                            scores,
+                        );
+                        candidates(&mut correlation, start..end, shape.grain, slots, rules)
                     },
                 )
                 .collect();
@@ -213,20 +213,17 @@ fn search(
 
 /// Peaks of one grain that may be among the best of their intervals.
 fn candidates(
-    correlation: &GrainCorrelation<'_>,
+    correlation: &mut GrainCorrelation<'_>,
     section: std::ops::Range<usize>,
     grain: u32,
     slots: &Slots,
     rules: &CorrelateRules,
 ) -> Vec<Candidate> {
     let mut found = Vec::new();
-    let end = section.end.min(correlation.first + correlation.y.len());
     let least = |t: usize| (slots.least(slots.slot(t)) - NEAR).max(rules.min);
-    correlation.maxima(section.start..end.max(section.start), least, |t, c| {
+    let apart = correlation.len / 2;
+    correlation.taken(section, apart, least, |correlation, t, c| {
         let (slot, error) = (slots.slot(t), correlation.error(t) + NEAR);
-        if !correlation.is_taken(t, c, correlation.len / 2) {
-            return;
-        }
         slots.add(slot, (c - error) as f32);
         found.push(Candidate { slot: slot as u32, t: t as u32, grain, c: c as f32, error: error as f32 });
     });
@@ -302,7 +299,7 @@ pub fn memory(dictionary: &GrainDictionary, longest: usize, threads: usize) -> u
     let outputs = SECTION.min(longest) + 4 * max_len;
     let size = best_size(max_len);
     let grains: usize = dictionary.grains.iter().map(|g| 4 * g.window_len()).sum();
-    Blocks::bytes(outputs, max_len, size) + threads * (4 * outputs + 24 * size) + 8 * longest + grains
+    Blocks::bytes(outputs, max_len, size) + threads * (8 * outputs + 24 * size) + 8 * longest + grains
 }
 
 /// Finds where the grains of a dictionary occur in recordings: peaks of the normalised cross-correlation

@@ -282,6 +282,28 @@ pub fn extraction_table(
     table
 }
 
+/// A row for each onset and each cut of each component of a recording.
+#[must_use]
+pub fn times_table(recordings: &GrainRecordings, extracted: &[Extracted]) -> ResultTable {
+    let mut table = ResultTable::new(&["recording", "component", "what", "time_s"]);
+    for found in extracted {
+        let Some(recording) = recordings.recordings.get(found.recording) else { continue };
+        let component = format!("{:?}", found.component).to_lowercase();
+        for (what, samples) in [("onset", &found.segments.onsets), ("cut", &found.segments.cuts)] {
+            for sample in samples {
+                let time = *sample as f64 / recordings.rate;
+                table.push([
+                    recording.name.as_str().into(),
+                    component.as_str().into(),
+                    what.into(),
+                    time.into(),
+                ]);
+            }
+        }
+    }
+    table
+}
+
 /// Flux of a recording over time, with its cuts and its onsets.
 fn flux_chart(name: &str, found: &Extracted, rate: f64, rules: &ExtractRules) -> Chart {
     let hop = rules.segments.frames.hop as f64;

@@ -1,6 +1,6 @@
 //! The node `GrainDictionary`.
 
-use super::extraction::{ExtractRules, TaperPlacement, extract, extraction_table};
+use super::extraction::{ExtractRules, TaperPlacement, extract, extraction_table, times_table};
 use super::grains::GrainDictionary;
 use super::taper::TaperShape;
 use crate::core::fault::{Fault, Reject};
@@ -42,7 +42,7 @@ params! {
         /// Inflection points that become cuts.
         cuts: CutKind = CutKind::Both;
         /// Rise of the onset strength over its mean that makes an onset.
-        onset_rise: f64 = 0.2, unit "", range 0.0..=10.0;
+        onset_rise: f64 = 0.5, unit "", range 0.0..=10.0;
         /// Share of both tapers in a grain.
         taper: f64 = 0.02, unit "", range 0.0..=0.5;
         /// Shape of the tapers.
@@ -66,8 +66,10 @@ ports! {
         out {
             /// The grains.
             dictionary: Value<GrainDictionary>,
-            /// Grains, cuts and onsets of each recording.
+            /// Numbers of grains, cuts and onsets of each recording.
             table: Value<ResultTable>,
+            /// Time of each onset, and of each cut.
+            times: Value<ResultTable>,
         }
     }
 }
@@ -148,6 +150,7 @@ impl Func for GrainDictionaryNode {
         summary
             .push(("share_of_recordings", (dictionary.bytes() as f64 / (2 * samples).max(1) as f64).into()));
         summary.push(("discarded", extracted.iter().map(|e| e.discarded[0]).sum::<usize>().into()));
+        io.times.set(times_table(recordings, &extracted));
         io.table.set(extraction_table(recordings, &extracted, &rules));
         io.dictionary.set(dictionary);
         Ok(summary)

@@ -1,7 +1,7 @@
 //! The node `GrainRecordings`.
 
 use super::kind::{SourceKind, guess_kind};
-use super::label::{Component, RecordingLabel};
+use super::label::{Component, RecordingLabel, matching_tags};
 use super::recordings::{GrainRecording, GrainRecordings, Part};
 use crate::core::content::audio_digest;
 use crate::core::fault::{Fault, Reject};
@@ -52,6 +52,8 @@ params! {
         manifest: Option<AssetPath> = None;
         /// Tags of all recordings without tags of their own; empty for the words of their file names.
         tags: Text = "".into();
+        /// Tags that a recording must have; empty for all recordings.
+        only: Text = "".into();
         /// The licence of recordings without one of their own.
         licence: Text = "".into();
         /// Rate to which recordings are resampled.
@@ -89,6 +91,17 @@ fn resampled(x: &[f32], from: Rate, to: Rate) -> Result<Vec<f32>, crate::dsp::Ds
     Resampler::new(from, to, Quality::High)?.whole(x)
 }
 
+impl GrainRecordingsParams {
+    /// Tags of a recording.
+    fn tags_of(&self, label: &RecordingLabel) -> Vec<String> {
+        let mut label = label.clone();
+        if label.tags.trim().is_empty() {
+            label.tags.clone_from(&self.tags.0);
+        }
+        label.tag_words()
+    }
+}
+
 /// Reads one recording.
 fn read(
     p: &GrainRecordingsParams,
@@ -123,11 +136,7 @@ fn read(
         SplitRule::None => false,
         SplitRule::All => true,
     };
-    let mut label = entry.clone();
-    if label.tags.trim().is_empty() {
-        label.tags.clone_from(&p.tags.0);
-    }
-    let licence = if label.licence.is_empty() { p.licence.0.clone() } else { label.licence.clone() };
+    let licence = if entry.licence.is_empty() { p.licence.0.clone() } else { entry.licence.clone() };
     let peak = samples.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
     let clipped = samples.iter().filter(|x| x.abs() >= 0.999).count();
     let mut warnings = recording_warnings(path, &info, &mono);
@@ -140,10 +149,10 @@ fn read(
     let recording = GrainRecording {
         name: path.clone(),
         licence,
-        tags: label.tag_words(),
+        tags: p.tags_of(entry),
         kind,
         guessed: given.is_none(),
-        speed: label.given_speed().map_err(&wrong)?,
+        speed: entry.given_speed().map_err(&wrong)?,
         content: audio_digest(info.rate, info.channels, &samples),
         parts: if splits { split_part(p, &whole) } else { vec![whole] },
     };
@@ -177,7 +186,20 @@ impl Func for GrainRecordingsNode {
             manifest: p.manifest.as_ref(),
             code: RECORDINGS.code,
         };
-        let all: Vec<ListedRecording<RecordingLabel>> = list.all(s)?;
+        let mut all: Vec<ListedRecording<RecordingLabel>> = list.all(s)?;
+        if !p.only.0.trim().is_empty() {
+            let tags: Vec<Vec<String>> = all.iter().map(|listed| p.tags_of(&listed.entry)).collect();
+            let (found, is_exact) = matching_tags(&p.only.0, tags.iter().map(Vec::as_slice));
+            if !is_exact {
+                let mut words = tags.concat();
+                words.sort_unstable();
+                words.dedup();
+                let reject =
+                    Reject::new(RECORDINGS.code, format!("no recording has all tags of {:?}", p.only.0));
+                return Err(reject.at("only").help(format!("tags are {}", words.join(", "))));
+            }
+            all = found.into_iter().map(|k| all[k].clone()).collect();
+        }
         for listed in &all {
             let label = &listed.entry;
             if let Some(text) = label.given_kind().err().or(label.given_speed().err()) {
@@ -236,6 +258,7 @@ impl Func for GrainRecordingsNode {
             recordings: if from_list { vec!["knock.wav".into(), "rub.wav".into()] } else { Vec::new() },
             folder: None,
             manifest: (!from_list).then(|| "list.csv".into()),
+            only: "".into(),
             rate: Rate::hz(8000),
             sinusoids: 1 + rng.below(20),
             ..GrainRecordingsParams::trial(rng)

@@ -6,7 +6,7 @@ use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
 
 /// Default rise of the strength over its mean.
-pub const ONSET_RISE: f64 = 0.2;
+pub const ONSET_RISE: f64 = 0.5;
 /// Bands of the spectrum.
 const BANDS: usize = 24;
 /// Lowest band, Hz.
@@ -14,9 +14,9 @@ const LOWEST: f64 = 60.0;
 /// Level at which the compression of a band begins, relative to the loudest band of the recording: -50 dB.
 const KNEE: f64 = 316.0;
 /// Durations around a peak: in which it is the greatest, in which its mean is taken, and from one onset to the next, s.
-const AROUND: [f64; 3] = [0.03, 0.1, 0.05];
+const AROUND: [f64; 3] = [0.05, 0.1, 0.05];
 /// Frames over which a rise is measured.
-const LAG: usize = 2;
+const LAG: usize = 4;
 
 /// Amplitudes of bands of equal ratio in each frame, `[frames][BANDS]`. Frame `k` is centred on sample `k hop`; outside is silence.
 fn bands(x: &[f32], frames: FluxFrames, rate: f64) -> Vec<[f64; BANDS]> {
@@ -52,7 +52,7 @@ fn bands(x: &[f32], frames: FluxFrames, rate: f64) -> Vec<[f64; BANDS]> {
         .collect()
 }
 
-/// Onset strength: the rise of compressed levels of bands over two frames, averaged over bands. Item `k` belongs to frame `k`.
+/// Onset strength: the rise of compressed levels of bands over four frames, averaged over bands. Item `k` belongs to frame `k`.
 ///
 /// A level `a` of a band counts as `ln(1 + 316 a / m)`, where `m` is the loudest band of the recording, so that the strength does not depend on
 /// the gain, and noise 50 dB below the loudest counts little.

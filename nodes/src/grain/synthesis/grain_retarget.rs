@@ -228,8 +228,17 @@ impl GrainRetarget {
         if self.params.object.is_some_and(|object| !bodies.contains(&object)) {
             return;
         }
+        let shares = match state.state {
+            State::Sliding => [1.0, 0.0],
+            State::Rolling => [0.0, 1.0],
+            State::Mixed => [f64::from(state.slip), 1.0 - f64::from(state.slip)],
+            State::Static | State::Unsteady => [0.0, 0.0],
+        };
+        let gain = f64::from(state.gain).max(0.0).powi(2);
+        let is_silent = state.frame.ends || gain == 0.0 || shares == [0.0; KINDS];
         let index = match self.pairs.iter().position(|pair| pair.bodies == bodies) {
             Some(index) => index,
+            None if is_silent => return,
             None if self.pairs.len() < self.pairs.capacity() => {
                 let id = bodies[0].wrapping_mul(0x9e37).wrapping_add(bodies[1]) & 0x0fff_ffff;
                 self.pairs.push(Pair { bodies, latest: Tick::MIN, is_set: true, id, ..Pair::default() });
@@ -247,16 +256,9 @@ impl GrainRetarget {
             (pair.power, pair.speed, pair.latest) = ([0.0; KINDS], [0.0; KINDS], tick);
             (pair.interval, pair.is_set) = (state.frame.interval, false);
         }
-        if state.frame.ends {
+        if is_silent {
             return;
         }
-        let gain = f64::from(state.gain).max(0.0).powi(2);
-        let shares = match state.state {
-            State::Sliding => [1.0, 0.0],
-            State::Rolling => [0.0, 1.0],
-            State::Mixed => [f64::from(state.slip), 1.0 - f64::from(state.slip)],
-            State::Static | State::Unsteady => [0.0, 0.0],
-        };
         let pair = &mut self.pairs[index];
         for (kind, speed) in [state.sliding, state.rolling].into_iter().enumerate() {
             pair.power[kind] += shares[kind] * gain;
@@ -386,11 +388,13 @@ impl Node for GrainRetarget {
                 format!("`range` is {} to {} dB; the smaller gain comes first", p.range[0], p.range[1]);
             return Err(Reject::new("F134", message).at("range"));
         }
-        let ports = (GrainRetargetPorts::impacts, GrainRetargetPorts::states, GrainRetargetPorts::triggers);
-        if !s.linked(ports.0) && !s.linked(ports.1) && !s.linked(ports.2) {
+        let has_impacts = s.linked(GrainRetargetPorts::impacts) || s.linked(GrainRetargetPorts::triggers);
+        let has_contacts = s.linked(GrainRetargetPorts::states);
+        if !has_impacts && !has_contacts {
             let reject = Reject::new("F150", "nothing plays the grains").at("impacts");
             return Err(reject.help("link `impacts`, `states` or `triggers`"));
         }
+        s.prepare([has_impacts, has_contacts]);
         s.tail(ticks(p.tail));
         s.output(GrainRetargetPorts::audio, p.rate, Channels(p.channels));
         Ok(())
@@ -406,7 +410,11 @@ impl Node for GrainRetarget {
         let patterns = patterns.as_deref();
         let rules = RepertoireRules { variations: p.variations, spread: p.spread };
         let mut notices = Vec::new();
+        let [has_impacts, has_contacts] = cx.prepared::<[bool; 2]>().map_or([true; 2], |linked| *linked);
         let mut find = |wanted: &str, kind: SourceKind| {
+            if !(if kind == SourceKind::Impulsive { has_impacts } else { has_contacts }) {
+                return Vec::new();
+            }
             let (sources, notice) = sources_of(&dictionary, wanted, kind);
             notices.extend(notice);
             sources

@@ -41,31 +41,35 @@ pub struct RepertoireRules {
 /// Largest change of the level of a grain, as a factor: 12 dB.
 const MAX_LEVELLING: f64 = 4.0;
 
-/// The sources of a kind whose tags share the most words with those wanted, and a notice if some words are missing.
+/// The sources of a kind whose tags share the most words with those wanted, and a notice if some words, or the kind, are missing.
+///
+/// A dictionary without sources of the kind offers those of the other one.
 #[must_use]
 pub fn sources_of(
     dictionary: &GrainDictionary,
     wanted: &str,
     kind: SourceKind,
 ) -> (Vec<usize>, Option<String>) {
-    let of_kind: Vec<usize> = (0..dictionary.sources.len())
-        .filter(|k| {
-            dictionary.sources[*k].kind == kind && dictionary.grains.iter().any(|g| g.source as usize == *k)
-        })
-        .collect();
-    let tags = of_kind.iter().map(|k| dictionary.sources[*k].tags.as_slice());
-    let (found, is_exact) = matching_tags(wanted, tags.clone());
-    let all: Vec<usize> =
-        if found.is_empty() { of_kind.clone() } else { found.iter().map(|k| of_kind[*k]).collect() };
-    if is_exact || all.is_empty() {
-        return (all, None);
-    }
-    let used = &dictionary.sources[all[0]];
+    let has_grains = |k: &usize| dictionary.grains.iter().any(|g| g.source as usize == *k);
+    let with_grains: Vec<usize> = (0..dictionary.sources.len()).filter(has_grains).collect();
+    let of_kind: Vec<usize> =
+        with_grains.iter().copied().filter(|k| dictionary.sources[*k].kind == kind).collect();
+    let is_missing = of_kind.is_empty();
+    let all = if is_missing { with_grains } else { of_kind };
+    let (found, is_exact) = matching_tags(wanted, all.iter().map(|k| dictionary.sources[*k].tags.as_slice()));
+    let chosen: Vec<usize> =
+        if found.is_empty() { all.clone() } else { found.iter().map(|k| all[*k]).collect() };
+    let Some(used) = chosen.first().map(|k| &dictionary.sources[*k]) else { return (chosen, None) };
     let name = used.name.rsplit('/').next().unwrap_or_default();
     let word = if kind == SourceKind::Impulsive { "impulsive" } else { "continuous" };
-    let notice =
-        format!("no {word} recording has all tags of {wanted:?}; the nearest, such as {name}, are used");
-    (all, Some(notice))
+    let notice = if is_missing {
+        Some(format!("no recording is {word}; others, such as {name}, are used for {wanted:?}"))
+    } else if is_exact {
+        None
+    } else {
+        Some(format!("no {word} recording has all tags of {wanted:?}; the nearest, such as {name}, are used"))
+    };
+    (chosen, notice)
 }
 
 /// The steps of a source: of its pattern, or else its grains in order.
