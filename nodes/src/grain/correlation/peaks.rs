@@ -74,6 +74,8 @@ pub struct Scores {
     values: Vec<f32>,
     /// Greatest value of each block; negative if the block was not computed.
     tops: Vec<f32>,
+    /// Answers of the greedy choice so far.
+    choices: Vec<Option<bool>>,
 }
 
 impl Scores {
@@ -81,6 +83,8 @@ impl Scores {
         self.values.resize(len.max(self.values.len()), 0.0);
         self.tops.clear();
         self.tops.resize(len.div_ceil(BLOCK), -1.0);
+        self.choices.clear();
+        self.choices.resize(len, None);
     }
 }
 
@@ -217,14 +221,16 @@ impl<'a> GrainCorrelation<'a> {
 
     /// Returns true if the greedy choice takes the local maximum at `t`.
     fn is_taken(&mut self, t: usize, c: f32, apart: usize) -> bool {
-        let mut bound = None;
-        while let Some((u, d)) = self.greater(t, c, apart, bound) {
-            if self.is_taken(u, d, apart) {
-                return false;
-            }
+        if let Some(known) = self.scores.choices[t - self.first] {
+            return known;
+        }
+        let (mut bound, mut taken) = (None, true);
+        while let Some((u, d)) = self.greater(t, c, apart, bound).filter(|_| taken) {
+            taken = !self.is_taken(u, d, apart);
             bound = Some((u, d));
         }
-        true
+        self.scores.choices[t - self.first] = Some(taken);
+        taken
     }
 
     /// The greatest local maximum within `apart` samples that comes before the one at `t` in the order of the greedy choice, and after
@@ -238,29 +244,31 @@ impl<'a> GrainCorrelation<'a> {
     ) -> Option<(usize, f32)> {
         let from = t.saturating_sub(apart).max(self.first);
         let to = (t + apart + 1).min(self.first + self.y.len());
-        let mut best: Option<(usize, f32)> = None;
         let comes_before = |a: (usize, f32), b: (usize, f32)| a.1 > b.1 || (a.1 == b.1 && a.0 < b.0);
-        let mut u = from;
-        while u < to {
-            let block = (u - self.first) / BLOCK;
-            let next = (self.first + (block + 1) * BLOCK).min(to);
-            let floor = best.map_or(c, |best| best.1);
-            let is_computed = self.scores.tops[block] >= 0.0;
-            if !is_computed && !self.is_below(block, f64::from(floor)) {
+        let blocks = (from - self.first) / BLOCK..=(to - 1 - self.first) / BLOCK;
+        for block in blocks.clone() {
+            if self.scores.tops[block] < 0.0 && !self.is_below(block, f64::from(c)) {
                 self.compute(block);
             }
-            if self.scores.tops[block] >= floor {
-                for u in u..next {
-                    let d = self.scores.values[u - self.first];
-                    let is_next = comes_before((u, d), (t, c))
-                        && best.is_none_or(|best| comes_before((u, d), best))
-                        && bound.is_none_or(|bound| comes_before(bound, (u, d)));
-                    if is_next && self.is_maximum(u, d) {
-                        best = Some((u, d));
-                    }
+        }
+        // With the greatest block first, most others need no look at their values.
+        let tops = &self.scores.tops;
+        let first = blocks.clone().max_by(|a, b| tops[*a].total_cmp(&tops[*b])).unwrap_or(0);
+        let others = blocks.filter(|block| *block != first);
+        let mut best: Option<(usize, f32)> = None;
+        for block in std::iter::once(first).chain(others) {
+            if self.scores.tops[block] < best.map_or(c, |best| best.1) {
+                continue;
+            }
+            let start = self.first + block * BLOCK;
+            for u in start.max(from)..(start + BLOCK).min(to) {
+                let d = self.scores.values[u - self.first];
+                let is_next = comes_before((u, d), best.unwrap_or((t, c)))
+                    && bound.is_none_or(|bound| comes_before(bound, (u, d)));
+                if is_next && self.is_maximum(u, d) {
+                    best = Some((u, d));
                 }
             }
-            u = next;
         }
         best
     }

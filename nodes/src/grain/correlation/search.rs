@@ -299,7 +299,7 @@ pub fn memory(dictionary: &GrainDictionary, longest: usize, threads: usize) -> u
     let outputs = SECTION.min(longest) + 4 * max_len;
     let size = best_size(max_len);
     let grains: usize = dictionary.grains.iter().map(|g| 4 * g.window_len()).sum();
-    Blocks::bytes(outputs, max_len, size) + threads * (8 * outputs + 24 * size) + 8 * longest + grains
+    Blocks::bytes(outputs, max_len, size) + threads * (9 * outputs + 24 * size) + 8 * longest + grains
 }
 
 /// Finds where the grains of a dictionary occur in recordings: peaks of the normalised cross-correlation
