@@ -22,6 +22,8 @@ pub struct ContactMessage {
     pub velocity: [f64; 3],
     /// Approach speed at the begin of the contact, m/s.
     pub approach: Option<f64>,
+    /// Depth of penetration, m, negative for a gap.
+    pub depth: Option<f64>,
     /// Effective mass, kg.
     pub mass: Option<f64>,
     /// Velocity of the contact point over the surface of a, m/s.
@@ -42,7 +44,7 @@ impl ContactMessage {
     fn is_valid(&self) -> bool {
         let vectors = [self.point, self.normal, self.velocity, self.travel.unwrap_or_default()];
         let positive = [Some(self.force), self.approach, self.mass, self.step];
-        vectors.iter().flatten().all(|x| x.abs() <= MAX_NUMBER)
+        vectors.iter().flatten().chain(&self.depth).all(|x| x.abs() <= MAX_NUMBER)
             && positive.iter().flatten().all(|x| (0.0..=MAX_NUMBER).contains(x))
             && self.bodies[0] != self.bodies[1]
             && (self.ends || norm(self.normal) > 1e-6)
@@ -50,8 +52,8 @@ impl ContactMessage {
     }
 
     /// Parses the numbers of an OSC message: id, a, b, position, normal, force and velocity, optionally followed by approach,
-    /// mass, travel over a and time since the previous frame; -1 stands for an unknown number. An id alone ends its contact.
-    /// Returns `None` for invalid numbers.
+    /// mass, travel over a, time since the previous frame and depth; -1 stands for an unknown number. An id alone ends its
+    /// contact. Returns `None` for invalid numbers.
     #[must_use]
     pub fn from_numbers(numbers: &[f64]) -> Option<Self> {
         let integer = |k: usize| {
@@ -64,7 +66,7 @@ impl ContactMessage {
         }
         let vector = |k: usize| -> Option<Vec3> { numbers.get(k..k + 3)?.try_into().ok() };
         let optional = |k: usize| numbers.get(k).copied().filter(|x| *x != UNKNOWN);
-        if !(13..=19).contains(&numbers.len()) || (16..18).contains(&numbers.len()) {
+        if !(13..=20).contains(&numbers.len()) || (16..18).contains(&numbers.len()) {
             return None;
         }
         let message = Self {
@@ -78,6 +80,7 @@ impl ContactMessage {
             mass: optional(14),
             travel: vector(15),
             step: optional(18),
+            depth: optional(19),
             ends: false,
         };
         message.is_valid().then_some(message)
@@ -94,6 +97,7 @@ impl ContactMessage {
             force: 0.0,
             velocity: zero,
             approach: None,
+            depth: None,
             mass: None,
             travel: None,
             step: None,
@@ -102,13 +106,13 @@ impl ContactMessage {
     }
 
     /// Parses one contact of a line of JSON: `id`, `a`, `b`, `point`, `normal`, `force` or `impulse`, `velocity`, and optionally
-    /// `approach`, `mass`, `travel_a` and `step`; or `id` and `"ends": true`.
+    /// `approach`, `depth`, `mass`, `travel_a` and `step`; or `id` and `"ends": true`.
     ///
     /// # Errors
     /// The key, what was found and what is expected.
     pub fn from_json(object: &Map<String, Value>) -> Result<Self, String> {
-        const KEYS: [&str; 13] = [
-            "id", "a", "b", "point", "normal", "force", "impulse", "velocity", "approach", "mass",
+        const KEYS: [&str; 14] = [
+            "id", "a", "b", "point", "normal", "force", "impulse", "velocity", "approach", "depth", "mass",
             "travel_a", "step", "ends",
         ];
         if let Some(key) = object.keys().find(|key| !KEYS.contains(&key.as_str())) {
@@ -155,6 +159,10 @@ impl ContactMessage {
             force,
             velocity: vector("velocity")?,
             approach: optional("approach")?,
+            depth: match object.get("depth") {
+                None | Some(Value::Null) => None,
+                Some(value) => Some(value.as_f64().ok_or_else(|| error("depth", "a number is"))?),
+            },
             mass: optional("mass")?,
             travel: object.contains_key("travel_a").then(|| vector("travel_a")).transpose()?,
             step,
@@ -194,6 +202,7 @@ pub fn contact_to_message(contact: &ContactMessage) -> Option<Message> {
         ty,
         tz,
         or_unknown(contact.step),
+        or_unknown(contact.depth),
         f64::from(u8::from(contact.travel.is_some())),
         f64::from(u8::from(contact.ends)),
     ])
@@ -202,7 +211,7 @@ pub fn contact_to_message(contact: &ContactMessage) -> Option<Message> {
 /// Decodes a contact message; returns `None` for any other message.
 #[must_use]
 pub fn contact_from_message(message: &Message) -> Option<ContactMessage> {
-    let (numbers, flags) = message.numbers().split_at_checked(19)?;
+    let (numbers, flags) = message.numbers().split_at_checked(20)?;
     let [has_travel, ends] = *flags else { return None };
     if ends > 0.0 {
         return Some(ContactMessage::end(*numbers.first()? as u64));

@@ -32,6 +32,8 @@ pub struct ContactFrame {
     pub travel: [Option<[f32; 3]>; 2],
     /// Largest speed of approach along the normal within the frame, m/s, at least 0, if known.
     pub approach: Option<f32>,
+    /// Depth of penetration at the end of the frame, m, negative for a gap, if known.
+    pub depth: Option<f32>,
     /// Effective mass of the pair, kg, if known.
     pub mass: Option<f32>,
     /// True for the first frame of the contact.
@@ -43,7 +45,7 @@ pub struct ContactFrame {
 /// Kind of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {
-    /// Too short or too variable for any of the others.
+    /// Too short for any of the others.
     #[default]
     Unsteady,
     /// At rest: silent.
@@ -63,7 +65,7 @@ pub struct ContactState {
     pub frame: ContactFrame,
     /// Kind of contact.
     pub state: State,
-    /// Slip ratio: 1 for sliding, 0 for rolling.
+    /// Slip ratio: 1 for sliding, 0 for rolling, between them slip over slip plus speed of rolling.
     pub slip: f32,
     /// Power dissipated by the contact, W.
     pub power: f32,
@@ -71,9 +73,9 @@ pub struct ContactState {
     pub gain: f32,
     /// Speed of slip, m/s.
     pub sliding: f32,
-    /// Speed of the contact point over surface a, m/s.
+    /// Speed of rolling, m/s: the smaller of the speeds of the contact point over the two surfaces, 0 for a body that only slides.
     pub rolling: f32,
-    /// Standard deviation over mean of force and of speed, compared with the limits of continuous contact; 0 in the first frames.
+    /// Standard deviation over mean of force and of speed, compared with the limits of steady contact; 0 in the first frames.
     pub variation: [f32; 2],
     /// Mean force above its recent minimum, N, compared with the smallest prominence of an impact.
     pub prominence: f32,
@@ -100,6 +102,7 @@ impl Event for ContactFrame {
             velocity,
             travel,
             approach: None,
+            depth: None,
             mass: None,
             begins: rng.below(8) == 0,
             ends: rng.below(8) == 0,

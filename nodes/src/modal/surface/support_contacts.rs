@@ -78,6 +78,7 @@ impl SupportContacts {
             velocity: [0.0; 3],
             travel: [None; 2],
             approach: None,
+            depth: None,
             mass: None,
             begins,
             ends,

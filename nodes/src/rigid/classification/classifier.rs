@@ -1,8 +1,9 @@
 //! Classification of contacts frame by frame.
 
 use super::history::{History, Sample};
+use super::impacts::OpenImpact;
 use super::rules::Rules;
-use crate::contact::vector::{Vec3, dot, norm, scale, sub, widen};
+use crate::contact::vector::{Vec3, add, dot, norm, scale, sub, widen};
 use crate::core::time::{Tick, seconds, ticks};
 use crate::impl_state;
 use crate::modal::Impact;
@@ -22,16 +23,20 @@ pub(super) struct TrackedContact {
     pub first_tick: Tick,
     last_tick: Tick,
     state: State,
-    steady: bool,
+    /// True while force and speed hardly vary.
+    pub steady: bool,
     /// Time of the last change of state.
     last_change: Option<Tick>,
     pub last_impact: Option<Tick>,
     /// True while the latest frame is not tested for an impact.
     pub pending: bool,
-    /// Position of the contact on body a in the latest frame.
+    /// Impact whose force has not ended.
+    pub open: Option<OpenImpact>,
+    /// Position of the contact on body a and slip in the latest frame.
     position: Vec3,
-    /// Velocity over the surface of a, if it is computed from positions.
-    travel: Option<Vec3>,
+    last_slip: Vec3,
+    /// Velocity over the surface of the other body, if it is computed from positions and body a or body b is at rest.
+    travel: Option<[Vec3; 2]>,
 }
 
 /// Classifier of contacts: impacts, and static, sliding, rolling or mixed contact.
@@ -69,7 +74,8 @@ fn split_velocity(frame: &ContactFrame) -> (Vec3, f64) {
 }
 
 fn is_finite(frame: &ContactFrame) -> bool {
-    let numbers = [frame.force, frame.approach.unwrap_or(0.0), frame.mass.unwrap_or(0.0)];
+    let known = |x: Option<f32>| x.unwrap_or(0.0);
+    let numbers = [frame.force, known(frame.approach), known(frame.depth), known(frame.mass)];
     let vectors = frame.normal.iter().chain(&frame.velocity).chain(frame.travel.iter().flatten().flatten());
     let vectors = vectors.chain(frame.friction.iter().flatten());
     numbers.iter().chain(vectors).all(|x| x.is_finite()) && frame.point.iter().all(|x| x.is_finite())
@@ -118,15 +124,15 @@ impl Classifier {
         let mut contact = match index.map(|k| self.contacts.swap_remove(k)) {
             Some(contact) if !frame.begins => contact,
             previous => {
-                if let Some(mut previous) = previous.filter(|previous| previous.pending) {
-                    self.detect_impact(&mut previous, None);
+                if let Some(mut previous) = previous {
+                    self.finish_impact(&mut previous);
                 }
                 TrackedContact::new(tick, frame)
             }
         };
         let state = self.classify(&mut contact, tick, frame);
         if frame.ends {
-            self.detect_impact(&mut contact, None);
+            self.finish_impact(&mut contact);
             return Some(state);
         }
         if self.contacts.len() >= self.max_contacts {
@@ -149,13 +155,17 @@ impl Classifier {
 
     /// Declares that all frames before a time have been taken.
     pub fn advance_to(&mut self, now: Tick) {
-        let (overdue_time, end_time) = (self.rules.overdue_time(), self.rules.end_time());
+        let (end_time, pulse) = (self.rules.end_time(), ticks(self.rules.pulse));
         let mut k = 0;
-        while let Some((pending, last)) = self.contacts.get(k).map(|c| (c.pending, c.last_tick)) {
-            if pending && last + overdue_time < now {
-                self.detect_last_impact(k);
+        while let Some(contact) = self.contacts.get(k) {
+            let overdue_time = self.rules.overdue_time(contact.history.count == 1);
+            let is_overdue = contact.pending && contact.last_tick + overdue_time < now;
+            let has_ended = contact.last_tick + end_time < now;
+            let is_over = contact.open.is_some_and(|open| open.found + pulse < now);
+            if is_overdue || has_ended || is_over {
+                self.finish_last_impact(k);
             }
-            if last + end_time < now {
+            if has_ended {
                 self.contacts.swap_remove(k);
             } else {
                 k += 1;
@@ -163,10 +173,19 @@ impl Classifier {
         }
     }
 
-    /// Tests the latest frame of contact `k` for an impact, without a next frame.
-    fn detect_last_impact(&mut self, k: usize) {
+    /// Closes the open impact of a contact, or tests its latest frame for an impact without a next frame.
+    fn finish_impact(&mut self, contact: &mut TrackedContact) {
+        if contact.open.is_some() {
+            self.close_impact(contact);
+        } else if contact.pending {
+            self.detect_impact(contact, None);
+        }
+    }
+
+    /// The same for contact `k`.
+    fn finish_last_impact(&mut self, k: usize) {
         let Some(mut contact) = self.contacts.get(k).copied() else { return };
-        self.detect_impact(&mut contact, None);
+        self.finish_impact(&mut contact);
         if let Some(slot) = self.contacts.get_mut(k) {
             *slot = contact;
         }
@@ -183,7 +202,7 @@ impl Classifier {
         let step = seconds(frame.interval).clamp(1e-6, 1.0);
         let (slip, normal_speed) = split_velocity(frame);
         let sliding = norm(slip);
-        let rolling = contact.update_travel_speed(frame, step);
+        let [rolling, fastest] = contact.update_travel_speeds(frame, slip, step);
         let mass = frame.mass.filter(|m| *m > 0.0).map(f64::from);
         // An engine that does not report the speed of approach reports the velocity after the impact.
         let approach = match (frame.approach, frame.begins) {
@@ -202,14 +221,18 @@ impl Classifier {
             mean_force: 0.0,
             approach,
             normal_speed: approach.max(normal_speed.abs()),
+            separation: normal_speed,
             speed: norm(widen(frame.velocity)).max(approach),
-            surface_speed: sliding.max(rolling),
+            sliding,
+            rolling,
+            surface_speed: sliding.max(fastest),
         };
-        contact.history.push(sample);
-        let mean_force = contact.history.mean_force(self.rules.blend);
-        contact.history.set_mean_force(mean_force);
-        if contact.pending {
-            self.detect_impact(contact, Some(Sample { mean_force, ..sample }));
+        let sample = contact.history.push(sample, self.rules.blend);
+        let mean_force = sample.mean_force;
+        if contact.open.is_some() {
+            self.extend_impact(contact, sample);
+        } else if contact.pending {
+            self.detect_impact(contact, Some(sample));
         }
         contact.latest = *frame;
         contact.last_tick = tick;
@@ -246,8 +269,12 @@ impl Classifier {
         let min_means = [rules.impact_force, rules.static_speed];
         let variation = contact.history.variation(rules.steady_window, min_means);
         contact.steady = is_held && variation.is_some_and(|v| v.iter().all(|v| *v < limit));
-        let next =
-            if contact.steady { self.steady_state(contact.state, sliding, rolling) } else { State::Unsteady };
+        let recent = contact.history.max_speeds(rules.steady_window);
+        let next = if is_held {
+            self.held_state(contact.state, [sliding, rolling], recent)
+        } else {
+            State::Unsteady
+        };
         let can_change = contact.last_change.is_none_or(|at| tick - at >= ticks(self.rules.dwell));
         if next != contact.state && can_change {
             contact.state = next;
@@ -259,21 +286,27 @@ impl Classifier {
         variation
     }
 
-    /// State of a steady contact with these speeds after a previous state.
-    fn steady_state(&self, previous: State, sliding: f64, rolling: f64) -> State {
+    /// State of a held contact after a previous state, with its speeds of slip and of rolling, now and the largest recent ones.
+    ///
+    /// A state is entered by the speeds of the moment. It is left for rest by the largest recent ones: a body that slides or rolls
+    /// to and fro stops at its turning points for less than that time.
+    fn held_state(&self, previous: State, now: [f64; 2], recent: [f64; 2]) -> State {
         let rules = &self.rules;
+        let ([sliding, rolling], [recent_sliding, recent_rolling]) = (now, recent);
         let max_slip = rules.rolling_slip.max(rules.rolling_share * rolling);
+        let starts_to_roll = sliding <= max_slip && rolling >= rules.rolling_speed;
         let rolls = match previous {
-            State::Rolling => sliding <= 2.0 * max_slip && rolling >= rules.rolling_leave,
-            _ => sliding <= max_slip && rolling >= rules.rolling_speed,
+            State::Rolling => sliding <= 2.0 * max_slip && recent_rolling >= rules.rolling_leave,
+            State::Sliding => starts_to_roll && sliding < rules.sliding_leave,
+            _ => starts_to_roll,
         };
         let slides = match previous {
-            State::Sliding => sliding >= rules.sliding_leave,
+            State::Sliding => recent_sliding >= rules.sliding_leave,
             _ => sliding >= rules.sliding_speed,
         };
-        let rests = sliding < rules.static_speed && rolling < rules.static_speed;
+        let rests = recent_sliding < rules.static_speed && recent_rolling < rules.static_speed;
         match previous {
-            State::Rolling if rolls => State::Rolling,
+            State::Rolling | State::Sliding if rolls => State::Rolling,
             State::Sliding if slides => State::Sliding,
             _ if rests => State::Static,
             _ if rolls => State::Rolling,
@@ -295,7 +328,7 @@ impl Classifier {
         let slip_ratio = match contact.state {
             State::Sliding => 1.0,
             State::Rolling | State::Static => 0.0,
-            State::Mixed | State::Unsteady if sliding > 0.0 => (sliding / rolling.max(sliding)).min(1.0),
+            State::Mixed | State::Unsteady if sliding > 0.0 => sliding / (sliding + rolling),
             State::Mixed | State::Unsteady => 0.0,
         };
         let force = f64::from(frame.force);
@@ -335,26 +368,39 @@ impl TrackedContact {
             last_change: None,
             last_impact: None,
             pending: false,
+            open: None,
             position: frame.local[0],
+            last_slip: [0.0; 3],
             travel: None,
         }
     }
 
-    /// Speed of the contact point over the surface of a: from the frame, or else from successive positions.
-    fn update_travel_speed(&mut self, frame: &ContactFrame, step: f64) -> f64 {
+    /// Smallest and largest speed of the contact point over a surface: from the frame, or else from successive positions.
+    fn update_travel_speeds(&mut self, frame: &ContactFrame, slip: Vec3, step: f64) -> [f64; 2] {
         /// Time constant of smoothing, s.
         const SMOOTHING: f64 = 0.02;
-        if let Some(travel) = frame.travel[0] {
-            return norm(widen(travel));
-        }
-        if self.history.count > 0 {
-            let now = scale(sub(frame.local[0], self.position), 1.0 / step);
-            let part = 1.0 - (-step / SMOOTHING).exp();
-            let old = self.travel.unwrap_or(now);
-            self.travel = Some([0, 1, 2].map(|k| old[k] + part * (now[k] - old[k])));
-        }
-        self.position = frame.local[0];
-        self.travel.map_or(0.0, norm)
+        let speeds = match frame.travel.map(|travel| travel.map(widen)) {
+            [Some(a), Some(b)] => [norm(a), norm(b), norm(b)],
+            // Travel over a minus travel over b is the slip.
+            [Some(a), None] => [norm(a), norm(sub(a, slip)), norm(a)],
+            [None, Some(b)] => [norm(add(b, slip)), norm(b), norm(b)],
+            [None, None] => {
+                if self.history.count > 0 {
+                    let point = scale(sub(frame.local[0], self.position), 1.0 / step);
+                    let mean_slip = scale(add(slip, self.last_slip), 0.5);
+                    let now = [sub(point, mean_slip), add(point, mean_slip)];
+                    let part = 1.0 - (-step / SMOOTHING).exp();
+                    let old = self.travel.unwrap_or(now);
+                    self.travel = Some([0, 1].map(|k| add(old[k], scale(sub(now[k], old[k]), part))));
+                }
+                // One of the bodies is at rest, but it is not known which: a body that only slides has no travel over itself.
+                let over = |[b, a]: [Vec3; 2]| [norm(add(b, slip)), norm(b), norm(a)];
+                self.travel.map_or([0.0; 3], over)
+            }
+        };
+        (self.position, self.last_slip) = (frame.local[0], slip);
+        let [first, rest @ ..] = speeds;
+        [rest.iter().fold(first, |a, b| a.min(*b)), first.max(rest[0])]
     }
 }
 

@@ -44,7 +44,9 @@ params! {
         moment: f64 = 0.5, unit "", range 0.0..=1.0;
         /// Time over which force is averaged: with short frames, engines let bodies at rest tremble.
         blend: f64 = 0.0166666666667, unit "s", range 0.0..=1.0;
-        /// Smallest prominence of an impact: force above the smallest recent force.
+        /// Longest time after a peak of the force in which its impulse is summed; the latency is at least `frame` and this time.
+        pulse: f64 = 0.01, unit "s", range 0.0..=0.2;
+        /// Smallest prominence of an impact during a contact: its impulse above the smallest recent force, over `blend`.
         impact_force: f64 = 0.5, unit "N", range 0.0..=1.0e9_f64;
         /// Time over which the smallest recent force is taken.
         impact_memory: f64 = 0.1, unit "s", range 0.0..=10.0;
@@ -133,6 +135,7 @@ fn rules(p: &ContactClassifierParams) -> Rules {
         frame: p.frame,
         moment: p.moment,
         blend: p.blend,
+        pulse: p.pulse,
         impact_force: p.impact_force,
         impact_memory: p.impact_memory,
         impact_median: p.impact_median,

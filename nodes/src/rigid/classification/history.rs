@@ -1,11 +1,15 @@
 //! Recent frames of one contact, and their statistics.
 
 use crate::core::state::long;
-use crate::core::time::{Tick, ticks};
+use crate::core::time::{Tick, seconds, ticks};
 use serde::{Deserialize, Serialize};
 
-/// Capacity of a history, frames.
+/// Capacity of a history: frames, and slots of at least [`SLOT`].
 pub(super) const CAPACITY: usize = 64;
+/// Length of a slot, s: shorter frames are joined, so that 64 of them span a quarter second at any rate.
+const SLOT: f64 = 1.0 / 240.0;
+/// Smallest number of slots in a window.
+const MIN_SLOTS: usize = 4;
 
 /// Quantities of one frame of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -20,29 +24,92 @@ pub(super) struct Sample {
     pub approach: f64,
     /// Largest absolute speed along the normal.
     pub normal_speed: f64,
+    /// Speed of separation along the normal at the end of the frame, negative while the bodies approach.
+    pub separation: f64,
     /// Relative speed.
     pub speed: f64,
-    /// The larger of the slip and the speed over the surface.
+    /// Speed of slip.
+    pub sliding: f64,
+    /// Speed of the contact point over both surfaces.
+    pub rolling: f64,
+    /// The largest of the slip and the speeds over the surfaces.
     pub surface_speed: f64,
 }
 
-/// The latest frames of a contact, at most [`CAPACITY`].
+/// Joined frames: means over time, and the smallest forces.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Slot {
+    /// Time of the latest frame.
+    tick: Tick,
+    /// Length, s.
+    length: f64,
+    mean_force: f64,
+    min_force: f64,
+    min_mean_force: f64,
+    sliding: f64,
+    rolling: f64,
+    surface_speed: f64,
+}
+
+impl Slot {
+    fn add(&mut self, sample: &Sample) {
+        let length = self.length + sample.step;
+        let part = sample.step / length.max(1e-9);
+        for (mean, value) in [
+            (&mut self.mean_force, sample.mean_force),
+            (&mut self.sliding, sample.sliding),
+            (&mut self.rolling, sample.rolling),
+            (&mut self.surface_speed, sample.surface_speed),
+        ] {
+            *mean += part * (value - *mean);
+        }
+        let is_first = self.length <= 0.0;
+        for (min, value) in
+            [(&mut self.min_force, sample.force), (&mut self.min_mean_force, sample.mean_force)]
+        {
+            *min = if is_first { value } else { min.min(value) };
+        }
+        (self.tick, self.length) = (sample.tick, length);
+    }
+}
+
+/// The latest frames of a contact, at most [`CAPACITY`], and the latest slots.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct History {
     #[serde(with = "long")]
     samples: [Sample; CAPACITY],
     /// Frames so far.
     pub count: usize,
+    #[serde(with = "long")]
+    slots: [Slot; CAPACITY],
+    /// Slots so far.
+    slot_count: usize,
 }
 
 impl History {
     pub fn new() -> Self {
-        Self { samples: [Sample::default(); CAPACITY], count: 0 }
+        Self {
+            samples: [Sample::default(); CAPACITY],
+            count: 0,
+            slots: [Slot::default(); CAPACITY],
+            slot_count: 0,
+        }
     }
 
-    pub fn push(&mut self, sample: Sample) {
+    /// Adds a frame; its mean force over `blend` seconds is computed here.
+    pub fn push(&mut self, sample: Sample, blend: f64) -> Sample {
         self.samples[self.count % CAPACITY] = sample;
         self.count += 1;
+        let sample = Sample { mean_force: self.mean_force(blend), ..sample };
+        self.samples[(self.count - 1) % CAPACITY] = sample;
+        // Half a frame of tolerance, so that frames of 240 Hz with jitter are slots of their own.
+        let is_full = self.slot(0).is_none_or(|slot| slot.length + 0.5 * sample.step >= SLOT);
+        if is_full {
+            self.slots[self.slot_count % CAPACITY] = Slot::default();
+            self.slot_count += 1;
+        }
+        self.slots[(self.slot_count - 1) % CAPACITY].add(&sample);
+        sample
     }
 
     /// The sample `age` frames before the latest.
@@ -50,14 +117,35 @@ impl History {
         (age < self.count.min(CAPACITY)).then(|| self.samples[(self.count - 1 - age) % CAPACITY])
     }
 
+    /// The slot `age` slots before the latest.
+    fn slot(&self, age: usize) -> Option<Slot> {
+        (age < self.slot_count.min(CAPACITY)).then(|| self.slots[(self.slot_count - 1 - age) % CAPACITY])
+    }
+
     /// Samples from `age` frames ago backwards, within a time of that frame.
-    fn within(&self, age: usize, time: f64) -> impl Iterator<Item = Sample> {
+    pub fn within(&self, age: usize, time: f64) -> impl Iterator<Item = Sample> {
         let from = self.back(age).map_or(0, |s| s.tick) - ticks(time);
         (age..).map_while(|k| self.back(k)).take_while(move |s| s.tick >= from)
     }
 
+    /// Slots before the frame `age` frames ago, within a time of it and without it.
+    fn slots_before(&self, age: usize, time: f64) -> impl Iterator<Item = Slot> {
+        let at = self.back(age).map_or(0, |s| s.tick);
+        let from = at - ticks(time);
+        let before = (0..).map_while(|k| self.slot(k)).skip_while(move |s| s.tick >= at);
+        before.take_while(move |s| s.tick >= from)
+    }
+
+    /// The latest slots within a time, at least four; fewer if there are none before them.
+    fn window(&self, time: f64) -> impl Iterator<Item = Slot> {
+        let from = self.slot(0).map_or(0, |s| s.tick) - ticks(time);
+        (0..).map_while(|k| Some((k, self.slot(k)?)))
+            .take_while(move |(k, s)| *k < MIN_SLOTS || s.tick >= from)
+            .map(|(_, slot)| slot)
+    }
+
     /// Mean force over a time that ends with the latest frame; before the contact began the force is 0.
-    pub fn mean_force(&self, time: f64) -> f64 {
+    fn mean_force(&self, time: f64) -> f64 {
         let (mut left, mut sum) = (time, 0.0);
         for sample in (0..).map_while(|k| self.back(k)) {
             let part = sample.step.min(left);
@@ -72,25 +160,18 @@ impl History {
         if step >= time { self.back(0).map_or(0.0, |s| s.force) } else { sum / time }
     }
 
-    /// Sets the mean force of the latest frame.
-    pub fn set_mean_force(&mut self, mean: f64) {
-        if let Some(last) = self.count.checked_sub(1) {
-            self.samples[last % CAPACITY].mean_force = mean;
-        }
-    }
-
     /// Smallest force and smallest mean force within a time before a frame, without that frame.
     pub fn min_force(&self, age: usize, time: f64) -> Option<(f64, f64)> {
-        let before = self.within(age, time).skip(1);
-        before.map(|s| (s.force, s.mean_force)).reduce(|a, b| (a.0.min(b.0), a.1.min(b.1)))
+        let forces = self.slots_before(age, time).map(|s| (s.min_force, s.min_mean_force));
+        forces.reduce(|a, b| (a.0.min(b.0), a.1.min(b.1)))
     }
 
     /// Median of the mean force within a time before a frame, without that frame.
     pub fn median_force(&self, age: usize, time: f64) -> Option<f64> {
         let mut forces = [0.0; CAPACITY];
         let mut n = 0;
-        for (force, sample) in forces.iter_mut().zip(self.within(age, time).skip(1)) {
-            *force = sample.mean_force;
+        for (force, slot) in forces.iter_mut().zip(self.slots_before(age, time)) {
+            *force = slot.mean_force;
             n += 1;
         }
         let forces = &mut forces[..n];
@@ -98,15 +179,15 @@ impl History {
         forces.get(n / 2).copied()
     }
 
-    /// Coefficients of variation of force and of surface speed within a time, over at least four frames; means below `min_means`
+    /// Coefficients of variation of force and of surface speed within a time, over at least four slots; means below `min_means`
     /// count as these.
     pub fn variation(&self, time: f64, min_means: [f64; 2]) -> Option<[f64; 2]> {
-        let n = self.within(0, time).count().max(4);
-        if self.count < n {
+        let n = self.window(time).count();
+        if n < MIN_SLOTS {
             return None;
         }
-        let coefficient = |value: fn(&Sample) -> f64, min_mean: f64| {
-            let values = || (0..n).filter_map(|k| self.back(k)).map(|s| value(&s));
+        let coefficient = |value: fn(&Slot) -> f64, min_mean: f64| {
+            let values = || self.window(time).map(|s| value(&s));
             let mean = values().sum::<f64>() / n as f64;
             let variance = values().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n as f64;
             variance.sqrt() / mean.max(min_mean)
@@ -114,13 +195,35 @@ impl History {
         Some([coefficient(|s| s.mean_force, min_means[0]), coefficient(|s| s.surface_speed, min_means[1])])
     }
 
-    /// Returns true if the speed along the normal or the relative speed peaks in the frame `age` frames ago or next to it.
-    pub fn has_speed_peak(&self, age: usize) -> bool {
+    /// Largest slip and largest speed of rolling within a time, over at least four slots.
+    pub fn max_speeds(&self, time: f64) -> [f64; 2] {
+        self.window(time).fold([0.0; 2], |[a, b], s| [s.sliding.max(a), s.rolling.max(b)])
+    }
+
+    /// Largest speed of approach within a time before the frame `age` frames ago, and at least in that and the previous frame.
+    pub fn max_approach(&self, age: usize, time: f64) -> f64 {
+        let previous = self.back(age + 1).map_or(0.0, |s| s.approach);
+        self.within(age, time).fold(previous, |max, s| s.approach.max(max))
+    }
+
+    /// Returns true if the speed along the normal or the relative speed peaks in the frame `age` frames ago or next to it, or
+    /// within a time before it.
+    pub fn has_speed_peak(&self, age: usize, time: f64) -> bool {
         let is_peak = |age: usize, value: fn(&Sample) -> f64| {
             let at = |age: Option<usize>| age.and_then(|k| self.back(k)).map_or(0.0, |s| value(&s));
             let (before, here, after) = (at(Some(age + 1)), at(Some(age)), at(age.checked_sub(1)));
             here > 0.0 && here >= before && here >= after && (here > before || here > after)
         };
-        (age.saturating_sub(1)..=age + 1).any(|k| is_peak(k, |s| s.normal_speed) || is_peak(k, |s| s.speed))
+        let last = age + self.within(age, time).count().saturating_sub(1).max(1);
+        (age.saturating_sub(1)..=last).any(|k| is_peak(k, |s| s.normal_speed) || is_peak(k, |s| s.speed))
+    }
+
+    /// Impulse above a force of the frames before the frame `age` frames ago that belong to its peak: consecutive frames with at
+    /// least `min_force`, within a time, and always the previous frame.
+    pub fn impulse_before(&self, age: usize, time: f64, base: f64, min_force: f64) -> f64 {
+        let at = self.back(age).map_or(0, |s| s.tick);
+        let frames = (age + 1..).map_while(|k| self.back(k)).enumerate();
+        let near = frames.take_while(|(k, s)| *k == 0 || seconds(at - s.tick) < time);
+        near.take_while(|(_, s)| s.force >= min_force).map(|(_, s)| (s.force - base).max(0.0) * s.step).sum()
     }
 }

@@ -6,6 +6,31 @@ use super::rules::ImpactObjects;
 use crate::core::time::{Tick, ticks};
 use crate::modal::Impact;
 use crate::rigid::item::ContactFrame;
+use serde::{Deserialize, Serialize};
+
+/// Time before a peak of the force within which the speed of approach is the largest, s: at the peak itself it is 0.
+const APPROACH_TIME: f64 = 0.02;
+/// Force of a frame that belongs to an impact, relative to the largest.
+const PULSE_SHARE: f64 = 0.25;
+
+/// An impact whose force has not ended yet.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct OpenImpact {
+    /// Time of the frame in which it was found.
+    pub found: Tick,
+    /// Time of the impact.
+    at: Tick,
+    /// Speed of approach, m/s.
+    approach: f64,
+    /// Largest force, and the force before the impact, N.
+    peak: f64,
+    base: f64,
+    /// Impulse above the force before the impact so far, N s.
+    impulse: f64,
+    /// Smallest impulse, N s; 0 at the begin of a contact.
+    min_impulse: f64,
+    frame: ContactFrame,
+}
 
 impl Classifier {
     /// Tests the pending frame of a contact for an impact, with the next frame or without one.
@@ -15,51 +40,100 @@ impl Classifier {
         let Some(here) = contact.history.back(age) else { return };
         let before = contact.history.back(age + 1);
         let rules = &self.rules;
-        let (force_before, force_next) = (before.map_or(0.0, |s| s.force), next.map_or(0.0, |s| s.force));
         let is_refractory = contact.last_impact.is_some_and(|at| here.tick - at < ticks(rules.refractory));
-        let approach = here.approach.max(before.map_or(0.0, |s| s.approach));
+        let approach = contact.history.max_approach(age, APPROACH_TIME);
         if is_refractory || approach < rules.impact_approach || here.force <= 0.0 {
+            return;
+        }
+        let (force_before, force_next) = (before.map_or(0.0, |s| s.force), next.map_or(0.0, |s| s.force));
+        let is_peak = here.force > force_before && here.force >= force_next;
+        if before.is_some() && !(is_peak && contact.history.has_speed_peak(age, APPROACH_TIME)) {
             return;
         }
         // Before the contact began the force was 0.
         let min_force = contact.history.min_force(age, rules.impact_memory);
-        let (min_force, min_mean) =
-            min_force.filter(|_| !self.is_new(contact, here.tick)).unwrap_or_default();
-        if before.is_some() {
-            let median = contact.history.median_force(age, rules.impact_median).unwrap_or(0.0);
-            let is_peak = here.force > force_before && here.force >= force_next;
-            let mean = here.mean_force.max(next.map_or(0.0, |s| s.mean_force));
-            let is_prominent = mean - min_mean >= rules.impact_force.max(median);
-            if !is_peak || !is_prominent || !contact.history.has_speed_peak(age) {
-                return;
-            }
-        }
-        // Vertex of the parabola through the three forces, in frames.
-        let curvature = force_before - 2.0 * here.force + force_next;
-        let vertex = if curvature < 0.0 {
-            (0.5 * (force_before - force_next) / curvature).clamp(-0.5, 0.5)
-        } else {
-            0.0
+        let (base, _) = min_force.filter(|_| !self.is_new(contact, here.tick)).unwrap_or_default();
+        let median = contact.history.median_force(age, rules.impact_median).unwrap_or(0.0);
+        let min_impulse = match before {
+            Some(_) => rules.impact_force.max(median) * rules.blend.max(here.step),
+            None => 0.0,
         };
-        let offset = (rules.moment - 1.0 + vertex).clamp(-1.0, 0.5) * here.step;
-        let earliest = here.tick - ticks(rules.frame) / 2;
-        let at = (here.tick + ticks(offset)).max(earliest).max(0);
         // Neighbouring frames with a large force belong to the same impact.
-        let part = |s: Sample| {
-            if s.force >= 0.25 * here.force { (s.force - min_force).max(0.0) * s.step } else { 0.0 }
+        let least = PULSE_SHARE * here.force;
+        let earlier = contact.history.impulse_before(age, rules.pulse, base, least);
+        let later = next.filter(|s| s.force >= least);
+        let impulse = (here.force - base) * here.step
+            + earlier
+            + later.map_or(0.0, |s| (s.force - base).max(0.0) * s.step);
+        let open = OpenImpact {
+            found: here.tick,
+            at: self.impact_time(&contact.latest, here, approach, [force_before, force_next]),
+            approach,
+            peak: here.force,
+            base,
+            impulse,
+            min_impulse,
+            frame: contact.latest,
         };
-        let impulse =
-            (here.force - min_force) * here.step + before.map_or(0.0, part) + next.map_or(0.0, part);
-        contact.last_impact = Some(here.tick);
-        let impact = self.impact(&contact.latest, impulse, approach);
-        self.queue_impact(at, contact.id, impact, &contact.latest);
+        contact.open = Some(open);
+        if later.is_none_or(|s| s.tick - here.tick > ticks(self.rules.pulse)) {
+            self.close_impact(contact);
+        }
     }
 
-    fn impact(&self, frame: &ContactFrame, impulse: f64, approach: f64) -> Impact {
+    /// Time of an impact in a frame, between the forces of the frame before and after it.
+    fn impact_time(&self, frame: &ContactFrame, here: Sample, approach: f64, around: [f64; 2]) -> Tick {
+        let rules = &self.rules;
+        if let Some(depth) = frame.depth.filter(|_| frame.begins) {
+            let depth = f64::from(depth);
+            // A gap opens at the speed of separation, or closes at that of approach after the frame.
+            let since = if depth < 0.0 && here.separation > 0.0 {
+                -depth / here.separation
+            } else {
+                depth / approach.max(1e-9)
+            };
+            let offset = ticks(-since.clamp(-0.5 * here.step, here.step));
+            return (here.tick + offset).max(here.tick - rules.begin_time()).max(0);
+        }
+        // Vertex of the parabola through the three forces, in frames.
+        let [before, next] = around;
+        let curvature = before - 2.0 * here.force + next;
+        let vertex =
+            if curvature < 0.0 { (0.5 * (before - next) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
+        let offset = (rules.moment - 1.0 + vertex).clamp(-1.0, 0.5) * here.step;
+        let earliest = here.tick - ticks(rules.frame) / 2;
+        (here.tick + ticks(offset)).max(earliest).max(0)
+    }
+
+    /// Adds a frame to the open impact of a contact, or closes it.
+    pub(super) fn extend_impact(&mut self, contact: &mut TrackedContact, sample: Sample) {
+        let Some(open) = &mut contact.open else { return };
+        if sample.force < PULSE_SHARE * open.peak || sample.tick - open.found > ticks(self.rules.pulse) {
+            self.close_impact(contact);
+        } else {
+            open.impulse += (sample.force - open.base).max(0.0) * sample.step;
+            open.peak = open.peak.max(sample.force);
+        }
+    }
+
+    /// Queues the open impact of a contact, unless it is too weak for the recent forces or these are steady.
+    pub(super) fn close_impact(&mut self, contact: &mut TrackedContact) {
+        let Some(open) = contact.open.take() else { return };
+        if open.min_impulse > 0.0 && (open.impulse < open.min_impulse || contact.steady) {
+            return;
+        }
+        contact.last_impact = Some(open.found);
+        let impact = self.impact(&open);
+        self.queue_impact(open.at, contact.id, impact, &open.frame);
+    }
+
+    /// The energy is that of the effective mass at the speed of approach; it does not depend on the frame rate, unlike the power.
+    fn impact(&self, open: &OpenImpact) -> Impact {
+        let OpenImpact { impulse, approach, frame, .. } = open;
         let known_mass = frame.mass.filter(|m| *m > 0.0).map(f64::from);
         let mass = known_mass.unwrap_or(impulse / (approach * (1.0 + self.rules.restitution)));
         Impact {
-            impulse: impulse as f32,
+            impulse: *impulse as f32,
             energy: (0.5 * mass * approach * approach) as f32,
             hardness: self.rules.hardness as f32,
             duration: 0.0,

@@ -35,6 +35,8 @@ pub struct Rules {
     pub moment: f64,
     /// Time over which force is averaged.
     pub blend: f64,
+    /// Longest time after a peak of the force in which its impulse is summed.
+    pub pulse: f64,
     pub impact_force: f64,
     pub impact_memory: f64,
     pub impact_median: f64,
@@ -70,6 +72,7 @@ impl Default for Rules {
             frame: 1.0 / 60.0,
             moment: 0.5,
             blend: 1.0 / 60.0,
+            pulse: 0.01,
             impact_force: 0.5,
             impact_memory: 0.1,
             impact_median: 0.25,
@@ -101,16 +104,23 @@ impl Default for Rules {
 }
 
 impl Rules {
-    /// Returns the latency: a frame is tested for an impact when the next one arrives or is overdue, and its impact may be up to
-    /// half a frame before its end.
+    /// Returns the latency: a frame is tested for an impact when the next one arrives or is overdue, the impulse is summed for
+    /// `pulse`, and the impact may be up to half a frame before the end of its frame; if a contact begins, up to a whole one.
     #[must_use]
     pub fn latency(&self) -> Tick {
-        2 * ticks(self.frame)
+        let frame = ticks(self.frame);
+        frame + frame.max(ticks(self.pulse))
     }
 
-    /// Time after which the next frame of a contact is overdue.
-    pub(super) fn overdue_time(&self) -> Tick {
-        ticks(self.frame) * 3 / 2
+    /// Time after which the next frame of a contact is overdue; earlier in the first frame, whose impact may be earlier too.
+    pub(super) fn overdue_time(&self, is_first: bool) -> Tick {
+        let frame = ticks(self.frame);
+        if is_first { 2 * frame - self.begin_time() } else { frame * 3 / 2 }
+    }
+
+    /// Longest time from the begin of a contact to the end of its first frame: almost a frame, so that times of frames may be rounded.
+    pub(super) fn begin_time(&self) -> Tick {
+        ticks(self.frame) * 31 / 32
     }
 
     /// Time without frames after which a contact has ended.

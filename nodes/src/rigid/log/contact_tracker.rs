@@ -1,9 +1,10 @@
 //! Tracking of contacts: contact points of a frame are joined, and matched with the contacts of the previous frames.
 
+use super::circulation::{Circulation, travel};
 use super::poses::{Motion, Poses};
 use super::row::{Row, friction_against};
 use crate::choices;
-use crate::contact::vector::{Vec3, add, dot, norm, scale, sub};
+use crate::contact::vector::{Vec3, add, cross, dot, norm, rotate_back, scale, sub, widen};
 use crate::core::time::{Tick, seconds, ticks};
 use crate::rigid::item::ContactFrame;
 
@@ -60,6 +61,8 @@ struct Track {
     last_tick: Tick,
     /// Index of its latest frame.
     frame_index: usize,
+    /// True if the time at which the contact began is known from the poses.
+    has_age: bool,
     point: Vec3,
     normal: Vec3,
     /// Smoothed position of the contact.
@@ -70,6 +73,8 @@ struct Track {
     extent_age: f64,
     /// Velocities over the surfaces of a and b.
     travel: Option<[Vec3; 2]>,
+    /// Chords of the contact point on a and on b.
+    circulation: [Circulation; 2],
 }
 
 /// Converts rows to contacts, frame by frame.
@@ -167,6 +172,9 @@ impl<'a> ContactTracker<'a> {
             let continues = track.last_tick >= oldest;
             if let Some((_, frame)) = frames.get_mut(track.frame_index).filter(|_| !continues) {
                 frame.ends = true;
+                // Bodies that approach and have no contact in the next frame: the row is of an instant within the frame.
+                let approaches = dot(widen(frame.velocity), widen(frame.normal)) < 0.0;
+                frame.depth = frame.depth.filter(|_| !(frame.begins && approaches) || track.has_age);
             }
             continues
         });
@@ -221,15 +229,23 @@ impl<'a> ContactTracker<'a> {
             pair,
             last_tick: tick,
             frame_index: 0,
+            has_age: false,
             point: new.row.point,
             normal: new.row.normal,
             anchor: new.row.point,
             extent: new.extent,
             extent_age: 0.0,
             travel: None,
+            circulation: [Circulation::default(); 2],
         };
+        track.observe_chords(new, 0.0);
         self.next_id += 1;
-        let frame = self.contact_frame(&track, new, self.step);
+        let mut frame = self.contact_frame(&track, new, self.step);
+        let approach = row_approach(new);
+        if let Some(age) = self.age(new, tick, approach) {
+            frame.depth = Some((approach * age) as f32);
+            track.has_age = true;
+        }
         track.frame_index = self.frames.len();
         self.frames.push((tick, ContactFrame { begins: true, ..frame }));
         self.tracks.push(track);
@@ -254,6 +270,7 @@ impl<'a> ContactTracker<'a> {
                     force: 0.0,
                     friction: old.friction.map(|_| [0.0; 3]),
                     approach: old.approach.map(|_| 0.0),
+                    depth: None,
                     interval: step,
                     begins: false,
                     ..old
@@ -287,10 +304,41 @@ impl<'a> ContactTracker<'a> {
             velocity: narrow(new.velocity),
             travel: [travel(0).map(narrow), travel(1).map(narrow)],
             approach: row.approach.map(|v| v as f32),
+            depth: row.depth.map(|d| d as f32),
             mass: row.mass.or_else(|| self.mass(row.bodies)).map(|m| m as f32),
             begins: false,
             ends: false,
         }
+    }
+
+    /// Time since a contact that begins in this frame began, s, from the centres of the bodies at both ends of the frame; `None`
+    /// unless the poses have rows there, or if the speed has hardly changed yet.
+    ///
+    /// Until the contact the distance of the centres changes at the speed before the frame and its acceleration, after it at the
+    /// speed at the end of the frame.
+    fn age(&self, new: &Observation, tick: Tick, approach: f64) -> Option<f64> {
+        /// Largest acceleration of free motion, m/s^2.
+        const MAX_ACCELERATION: f64 = 30.0;
+        let step = seconds(self.step);
+        let along = |tick: Tick| -> Option<[f64; 2]> {
+            let relative = |k: usize| {
+                let body = new.row.bodies[k];
+                let row = self.poses.row_at(body, tick).map(|m| (m.position, m.velocity));
+                if self.poses.has(body) { row } else { Some(([0.0; 3], [0.0; 3])) }
+            };
+            let ((x, v), (y, w)) = (relative(0)?, relative(1)?);
+            Some([dot(sub(y, x), new.row.normal), dot(sub(w, v), new.row.normal)])
+        };
+        let ([x0, v0], [x1, v1]) = (along(tick - self.step)?, along(tick)?);
+        let earlier = along(tick - 2 * self.step);
+        let acceleration = earlier.map_or(0.0, |[_, v]| (v0 - v) / step);
+        let acceleration = if acceleration.abs() <= MAX_ACCELERATION { acceleration } else { 0.0 };
+        let jump = v1 - v0 - acceleration * step;
+        if jump < 0.5 * approach || approach <= 0.0 {
+            return None;
+        }
+        let before = (v1 * step - 0.5 * acceleration * step * step - (x1 - x0)) / jump;
+        Some((step - before).clamp(0.0, step))
     }
 
     /// Effective mass of a pair: `1 / (1/m1 + 1/m2)`.
@@ -308,6 +356,11 @@ impl<'a> ContactTracker<'a> {
         self.frames.sort_by_key(|(tick, frame)| (*tick, frame.contact));
         self.frames
     }
+}
+
+/// Speed of approach of an observation, m/s, 0 if unknown.
+fn row_approach(new: &Observation) -> f64 {
+    new.row.approach.unwrap_or_else(|| (-dot(new.velocity, new.row.normal)).max(0.0))
 }
 
 /// Mean of points, weighted by force.
@@ -336,6 +389,7 @@ fn centroid(group: &[Observation]) -> Option<Observation> {
         friction,
         velocity: None,
         approach: group.iter().filter_map(|m| m.row.approach).reduce(f64::max),
+        depth: group.iter().filter_map(|m| m.row.depth).reduce(f64::max),
         ..first.row
     };
     Some(Observation { row, force, velocity: mean(&|m| m.velocity), extent: 2.0 * extent, ..*first })
@@ -348,6 +402,13 @@ impl Track {
     /// nothing moves. The contact therefore moves with the moving body, and is pulled to the observed point only as far as their
     /// distance exceeds the extent of the contact. A single point, as of a ball, has an extent of 0.
     fn advance(&mut self, new: &Observation, time: f64, jump: f64) {
+        self.observe_chords(new, time);
+        if let Some(travel) = self.circulating_travel(new, time) {
+            self.travel = Some(travel);
+            (self.anchor, self.point, self.normal) = (new.row.point, new.row.point, new.row.normal);
+            self.extent *= (-time / SMOOTHING).exp();
+            return;
+        }
         let material = new.motion.map(|motion| motion.velocity_at(new.row.point));
         let body_velocity = if norm(material[0]) > norm(material[1]) { material[0] } else { material[1] };
         let jumped = norm(sub(new.row.point, add(self.point, scale(body_velocity, time))));
@@ -382,5 +443,29 @@ impl Track {
         self.anchor = anchor;
         self.point = new.row.point;
         self.normal = new.row.normal;
+    }
+
+    /// Adds the chord since the previous frame.
+    fn observe_chords(&mut self, new: &Observation, time: f64) {
+        let local = new.motion.map(|motion| motion.to_local(new.row.point));
+        for (k, circulation) in self.circulation.iter_mut().enumerate() {
+            let outward = scale(new.row.normal, if k == 0 { 1.0 } else { -1.0 });
+            let normal = rotate_back(new.motion[k].rotation, outward);
+            circulation.observe(local[k], normal, local[1 - k], time);
+        }
+    }
+
+    /// Velocities over the surfaces of a contact point that circulates.
+    fn circulating_travel(&self, new: &Observation, time: f64) -> Option<[Vec3; 2]> {
+        let radius = [0, 1].map(|k| self.circulation[k].radius());
+        let side = if radius[1].is_some() { 1 } else { 0 };
+        let normal = new.row.normal;
+        // The normal turns with the other body, or from frame to frame, whichever is less: it cannot be a fast turn of both.
+        let with_other = cross(new.motion[1 - side].angular_velocity, normal);
+        let observed = scale(sub(normal, self.normal), 1.0 / time);
+        let rate = if norm(with_other) <= norm(observed) { with_other } else { observed };
+        let turn = sub(cross(new.motion[side].angular_velocity, normal), rate);
+        let along = |v: Vec3| sub(v, scale(normal, dot(v, normal)));
+        Some(travel(side, radius[side]?, along(turn), along(new.velocity)))
     }
 }

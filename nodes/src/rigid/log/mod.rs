@@ -1,6 +1,7 @@
 //! Contact logs of physics engines: rows of contact points become contacts that last over frames.
 
 mod bodies;
+mod circulation;
 mod columns;
 pub mod contact_log;
 mod contact_tracker;

@@ -12,6 +12,9 @@ use std::collections::HashMap;
 /// Largest deviation of the length of a quaternion from 1.
 const TOLERANCE: f64 = 0.01;
 
+/// Rounding of times in files: about 2 microseconds.
+const ROUNDING: Tick = 1500;
+
 /// Pose and velocities of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Motion {
@@ -90,6 +93,18 @@ fn interpolate(a: &Motion, b: &Motion, t: f64) -> Motion {
 }
 
 impl Poses {
+    /// Motion of a body in the row of a time, if the file has velocities and a row within a few microseconds.
+    pub fn row_at(&self, body: u32, tick: Tick) -> Option<Motion> {
+        let track = self.tracks.get(&body).filter(|_| self.has_velocities)?;
+        let after = track.partition_point(|(t, _)| *t <= tick + ROUNDING);
+        track.get(after.checked_sub(1)?).filter(|(t, _)| tick - *t <= ROUNDING).map(|(_, motion)| *motion)
+    }
+
+    /// Returns true if the file has a body.
+    pub fn has(&self, body: u32) -> bool {
+        self.tracks.contains_key(&body)
+    }
+
     /// Motion of a body at a time; `None` for a body that is not in the file.
     pub fn at(&self, body: u32, tick: Tick) -> Option<Motion> {
         let track = self.tracks.get(&body)?;

@@ -31,6 +31,8 @@ pub(super) struct Row {
     /// Velocity of b relative to a.
     pub velocity: Option<Vec3>,
     pub approach: Option<f64>,
+    /// Depth of penetration, negative for a gap.
+    pub depth: Option<f64>,
     pub mass: Option<f64>,
     /// Velocities over the surfaces of a and b.
     pub travel: [Option<Vec3>; 2],
@@ -176,6 +178,7 @@ fn from_cells(cells: &Cells<'_>, bodies: &mut Bodies) -> Result<Row, LogFault> {
                 .fault(Field::Id, format!("{:?} is there; a whole number from 0 on is needed", shorten(text)))
         })?),
     };
+    let depth = cells.optional_number(Field::Depth)?;
     let max_approach = cells.optional_number(Field::FastestIn)?.map(|v| (-v).max(0.0));
     let row = Row {
         time,
@@ -189,6 +192,7 @@ fn from_cells(cells: &Cells<'_>, bodies: &mut Bodies) -> Result<Row, LogFault> {
         friction_impulse: optional_non_negative(cells, Field::TangentImpulse)?,
         velocity,
         approach: optional_non_negative(cells, Field::Approach)?.or(max_approach),
+        depth: depth.or(cells.optional_number(Field::Gap)?.map(|gap| -gap)),
         mass: optional_non_negative(cells, Field::Mass)?,
         travel: [
             cells.optional_vector([Field::TravelAx, Field::TravelAy, Field::TravelAz])?,
@@ -216,9 +220,9 @@ fn checked(row: Row) -> Result<Row, String> {
 }
 
 /// Keys of a contact as JSON. `contact`, the channel of a line that `foley live` reads, has no meaning in a log.
-pub const KEYS: [&str; 16] = [
+pub const KEYS: [&str; 17] = [
     "contact", "time_s", "id", "a", "b", "point", "normal", "force", "impulse", "friction", "velocity",
-    "approach", "mass", "travel_a", "travel_b", "step",
+    "approach", "depth", "mass", "travel_a", "travel_b", "step",
 ];
 
 /// Converts one contact from JSON.
@@ -282,6 +286,7 @@ fn from_json(object: &Map<String, Value>, bodies: &mut Bodies) -> Result<Row, (S
         friction_impulse: None,
         velocity: vector("velocity")?,
         approach: non_negative("approach")?,
+        depth: number("depth")?,
         mass: non_negative("mass")?,
         travel: [vector("travel_a")?, vector("travel_b")?],
     };

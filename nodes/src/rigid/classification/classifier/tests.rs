@@ -22,6 +22,7 @@ fn frame(step: f64) -> ContactFrame {
         velocity: [0.0; 3],
         travel: [None; 2],
         approach: None,
+        depth: None,
         mass: None,
         begins: false,
         ends: false,

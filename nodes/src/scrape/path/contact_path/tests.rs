@@ -31,6 +31,7 @@ fn contact(position: [f64; 2], velocity: [f64; 2]) -> ContactState {
             velocity: travel,
             travel: [Some(travel), None],
             approach: None,
+            depth: None,
             mass: None,
             begins: false,
             ends: false,
