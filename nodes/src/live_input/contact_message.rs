@@ -235,6 +235,10 @@ mod tests {
         for contact in [full, short, ContactMessage::end(7)] {
             assert_eq!(contact_from_message(&contact_to_message(&contact).unwrap()), Some(contact));
         }
+        let deep = ContactMessage::from_numbers(&[&NUMBERS[..], &[-0.002]].concat()).unwrap();
+        assert_eq!((full.depth, deep.depth), (None, Some(-0.002)));
+        assert_eq!(contact_from_message(&contact_to_message(&deep).unwrap()), Some(deep));
+        assert_eq!(ContactMessage::from_numbers(&[&NUMBERS[..], &[f64::NAN]].concat()), None);
         assert_eq!(contact_from_message(&Message::new(&[1.0]).unwrap()), None);
     }
 
@@ -264,6 +268,8 @@ mod tests {
             \"velocity\": [0.3,0,-0.1], \"approach\": 0.2, \"travel_a\": [0.4,0,0], \"step\": 0.01}";
         assert_eq!(line(text).unwrap(), ContactMessage::from_numbers(&NUMBERS).unwrap());
         assert_eq!(line("{\"id\": 3, \"ends\": true}").unwrap(), ContactMessage::end(3));
+        let deep = text.replace("\"approach\"", "\"depth\": 0.003, \"approach\"");
+        assert_eq!(line(&deep).unwrap().depth, Some(0.003));
         for (from, to, part) in [
             ("[0,0,1]", "[0,0]", "`normal` is [0,0]; a list of three numbers is needed"),
             ("\"a\": 0", "\"a\": \"floor\"", "`a` is \"floor\"; a whole number"),

@@ -3,7 +3,7 @@
 //! | address | arguments |
 //! |---|---|
 //! | `/foley/impact/CHANNEL` | energy in J, then optionally hardness, object, point, x, y, z |
-//! | `/foley/contact/CHANNEL` | id, a, b, point (3), normal (3), force, velocity (3), then optionally approach, mass, travel over a (3), step; or only an id, which ends the contact |
+//! | `/foley/contact/CHANNEL` | id, a, b, point (3), normal (3), force, velocity (3), then optionally approach, mass, travel over a (3), step, depth; or only an id, which ends the contact |
 //! | `/foley/control/CHANNEL` | up to 16 numbers |
 //! | `/foley/set/NAME` | a number, text or Boolean; `/foley/set/NODE/PARAM` for the parameter of a node |
 //!

@@ -90,6 +90,7 @@ impl Node for SupportContacts {
     type Params = SupportContactsParams;
     type Ports = SupportContactsPorts;
     const NAME: &'static str = "SupportContacts";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &SupportContactsParams, s: &mut Shape<'_, '_, SupportContactsPorts>) -> Result<(), Reject> {

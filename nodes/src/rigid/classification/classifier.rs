@@ -262,8 +262,9 @@ impl Classifier {
         rolling: f64,
     ) -> Option<[f64; 2]> {
         let rules = &self.rules;
-        let is_held =
-            tick - contact.first_tick >= ticks(rules.held) && contact.history.count >= rules.held_frames;
+        let is_held = tick - contact.first_tick >= ticks(rules.held)
+            && contact.history.count >= rules.held_frames
+            && !contact.history.rattles(rules.impact_median);
         let limit = if contact.steady { rules.steady_leave } else { rules.steady_enter };
         // A contact with hardly any force or speed is steady, whatever its noise.
         let min_means = [rules.impact_force, rules.static_speed];
@@ -404,5 +405,7 @@ impl TrackedContact {
     }
 }
 
+#[cfg(test)]
+mod rate_tests;
 #[cfg(test)]
 mod tests;

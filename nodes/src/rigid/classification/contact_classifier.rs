@@ -19,26 +19,30 @@ params! {
     /// Finds impacts, and classifies continuous contacts as static, sliding, rolling or mixed.
     ///
     /// An impact is a peak of the normal force that exceeds the recent forces, next to a peak of speed and with a fast enough
-    /// approach; the first frame of a contact needs the approach only. Its energy is that of the effective mass at the speed of
-    /// approach; its impulse is the force of the frames that belong to it, times their lengths. An unknown mass is computed from
-    /// impulse and approach.
+    /// approach; the first frame of a contact needs the approach only. The approach is the largest of the 20 ms before. The energy
+    /// is that of the effective mass at this speed; the impulse is the force of the frames that belong to the impact, times their
+    /// lengths. An unknown mass is computed from impulse and approach. A contact that begins with a known `depth` began depth over
+    /// approach before the end of its frame. While force and speed are steady, there are no impacts.
     ///
-    /// A contact is continuous if it lasts and its force and speed hardly vary. Its state follows from the slip and the speed of
-    /// the contact point over the surface: with neither it is static and silent, without slip it rolls, otherwise it slides. Every
-    /// state has separate thresholds to enter and to leave it, and lasts for at least `dwell`.
+    /// A contact that lasts and is not interrupted again and again has a state, which follows from the slip and the speed of rolling,
+    /// the smaller of the speeds of the contact point over the two surfaces: with neither it is static and silent, without slip it
+    /// rolls, otherwise it slides. Every state has separate thresholds to enter and to leave it, and lasts for at least `dwell`.
+    /// States are entered by the speeds of the moment and left for rest by the largest of `steady_window`, so that a body that
+    /// slides to and fro does not rest at its turning points. All times are in seconds, so that states, energies and levels depend
+    /// on the motion and hardly on the frame rate.
     ///
     /// Its power is that of friction: force times slip, and for rolling a small fraction of force times speed. The amplitude is the
     /// square root of the power.
     ///
-    /// The latency is two frames: a peak of force is certain only with the next frame, or when that is overdue, and the time of an
-    /// impact is up to half a frame before the middle of its frame.
+    /// The latency is two frames, or one frame and `pulse` if that is longer: a peak of force is certain only with the next frame, or
+    /// when that is overdue, its impulse is summed for `pulse`, and a contact may begin up to a frame before the end of its frame.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 4.2. They
     /// name the criteria of each kind; the thresholds, and powers that do not vanish for ideal sliding and rolling, are choices of
     /// this project.
     pub struct ContactClassifierParams {
-        /// Longest time from one frame to the next; the latency is twice this time.
+        /// Longest time from one frame to the next; the latency is this time and the longer of it and `pulse`.
         frame: f64 = 0.0166666666667, unit "s", range 0.0001..=0.2;
         /// Position of a force within its frame: 0.5 for a mean over the frame, 1 for the force at its end.
         moment: f64 = 0.5, unit "", range 0.0..=1.0;
@@ -62,15 +66,15 @@ params! {
         hardness: f64 = 1.0, unit "", range 0.000001..=1000.0;
         /// Bodies that sound on an impact; the object of an impact is the number of the body.
         struck: ImpactObjects = ImpactObjects::Both;
-        /// Time after which a contact can be continuous.
+        /// Time after which a contact has a state.
         held: f64 = 0.05, unit "s", range 0.0..=10.0;
-        /// Number of frames after which a contact can be continuous.
+        /// Number of frames after which a contact has a state.
         held_frames: u16 = 3, unit "frames", range 1..=64_u16;
-        /// Time over which the variation of force and speed is measured, at least four frames.
+        /// Time over which the variation of force and speed and the largest recent speeds are measured, at least four frames.
         steady_window: f64 = 0.1, unit "s", range 0.0..=10.0;
-        /// Standard deviation over mean of force and speed below which a contact becomes continuous.
+        /// Standard deviation over mean of force and speed below which a contact becomes steady and has no impacts.
         steady_enter: f64 = 0.35, unit "", range 0.0..=100.0;
-        /// Standard deviation over mean of force and speed above which it is no longer continuous.
+        /// Standard deviation over mean of force and speed above which it is no longer steady.
         steady_leave: f64 = 0.6, unit "", range 0.0..=100.0;
         /// Largest slip of a rolling contact.
         rolling_slip: f64 = 0.02, unit "m/s", range 0.0..=100.0;
@@ -192,7 +196,7 @@ impl Node for ContactClassifier {
     type Params = ContactClassifierParams;
     type Ports = ContactClassifierPorts;
     const NAME: &'static str = "ContactClassifier";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 1000.0;
 

@@ -8,6 +8,10 @@ use serde::{Deserialize, Serialize};
 pub(super) const CAPACITY: usize = 64;
 /// Length of a slot, s: shorter frames are joined, so that 64 of them span a quarter second at any rate.
 const SLOT: f64 = 1.0 / 240.0;
+/// Largest force of bodies that do not touch, relative to the mean; and of a contact with hardly any, relative to the median.
+const FREE_FORCE: [f64; 2] = [0.01, 0.25];
+/// Part of the time with hardly any force in which a contact rattles.
+const FREE_SHARE: f64 = 0.2;
 /// Smallest number of slots in a window.
 const MIN_SLOTS: usize = 4;
 
@@ -139,7 +143,8 @@ impl History {
     /// The latest slots within a time, at least four; fewer if there are none before them.
     fn window(&self, time: f64) -> impl Iterator<Item = Slot> {
         let from = self.slot(0).map_or(0, |s| s.tick) - ticks(time);
-        (0..).map_while(|k| Some((k, self.slot(k)?)))
+        (0..)
+            .map_while(|k| Some((k, self.slot(k)?)))
             .take_while(move |(k, s)| *k < MIN_SLOTS || s.tick >= from)
             .map(|(_, slot)| slot)
     }
@@ -177,6 +182,27 @@ impl History {
         let forces = &mut forces[..n];
         forces.sort_unstable_by(f64::total_cmp);
         forces.get(n / 2).copied()
+    }
+
+    /// Returns true if the contact had hardly any force for a part of a time that ends with the latest frame: it rattles.
+    ///
+    /// The force is compared with the median of the force while the bodies touch, which a single hard landing does not change.
+    pub fn rattles(&self, time: f64) -> bool {
+        let mut forces = [0.0; CAPACITY];
+        let mut n = 0;
+        let from = self.slot(0).map_or(0, |s| s.tick) - ticks(time);
+        let slots = || (0..).map_while(|k| self.slot(k)).take_while(|s| s.tick >= from);
+        let length: f64 = slots().map(|s| s.length).sum();
+        let mean = slots().map(|s| s.mean_force * s.length).sum::<f64>() / length.max(1e-9);
+        for (force, slot) in forces.iter_mut().zip(slots().filter(|s| s.mean_force > FREE_FORCE[0] * mean)) {
+            *force = slot.mean_force;
+            n += 1;
+        }
+        let forces = &mut forces[..n];
+        forces.sort_unstable_by(f64::total_cmp);
+        let median = forces.get(n / 2).copied().unwrap_or(0.0);
+        let is_free = |s: &Slot| s.mean_force <= FREE_FORCE[1] * median;
+        slots().filter(is_free).map(|s| s.length).sum::<f64>() > FREE_SHARE * length
     }
 
     /// Coefficients of variation of force and of surface speed within a time, over at least four slots; means below `min_means`

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// Time before a peak of the force within which the speed of approach is the largest, s: at the peak itself it is 0.
 const APPROACH_TIME: f64 = 0.02;
-/// Force of a frame that belongs to an impact, relative to the largest.
+/// Force of a frame that belongs to an impact, relative to the largest; less while the force falls.
 const PULSE_SHARE: f64 = 0.25;
 
 /// An impact whose force has not ended yet.
@@ -22,8 +22,9 @@ pub(super) struct OpenImpact {
     at: Tick,
     /// Speed of approach, m/s.
     approach: f64,
-    /// Largest force, and the force before the impact, N.
+    /// Largest force, latest force, and the force before the impact, N.
     peak: f64,
+    last: f64,
     base: f64,
     /// Impulse above the force before the impact so far, N s.
     impulse: f64,
@@ -61,7 +62,9 @@ impl Classifier {
         // Neighbouring frames with a large force belong to the same impact.
         let least = PULSE_SHARE * here.force;
         let earlier = contact.history.impulse_before(age, rules.pulse, base, least);
-        let later = next.filter(|s| s.force >= least);
+        let is_tail =
+            |s: &Sample| s.force > base && s.force < here.force && s.tick - here.tick <= ticks(rules.pulse);
+        let later = next.filter(|s| s.force >= least || is_tail(s));
         let impulse = (here.force - base) * here.step
             + earlier
             + later.map_or(0.0, |s| (s.force - base).max(0.0) * s.step);
@@ -69,7 +72,8 @@ impl Classifier {
             found: here.tick,
             at: self.impact_time(&contact.latest, here, approach, [force_before, force_next]),
             approach,
-            peak: here.force,
+            peak: here.force.max(later.map_or(0.0, |s| s.force)),
+            last: later.map_or(0.0, |s| s.force),
             base,
             impulse,
             min_impulse,
@@ -98,8 +102,7 @@ impl Classifier {
         // Vertex of the parabola through the three forces, in frames.
         let [before, next] = around;
         let curvature = before - 2.0 * here.force + next;
-        let vertex =
-            if curvature < 0.0 { (0.5 * (before - next) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
+        let vertex = if curvature < 0.0 { (0.5 * (before - next) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
         let offset = (rules.moment - 1.0 + vertex).clamp(-1.0, 0.5) * here.step;
         let earliest = here.tick - ticks(rules.frame) / 2;
         (here.tick + ticks(offset)).max(earliest).max(0)
@@ -108,11 +111,13 @@ impl Classifier {
     /// Adds a frame to the open impact of a contact, or closes it.
     pub(super) fn extend_impact(&mut self, contact: &mut TrackedContact, sample: Sample) {
         let Some(open) = &mut contact.open else { return };
-        if sample.force < PULSE_SHARE * open.peak || sample.tick - open.found > ticks(self.rules.pulse) {
+        let is_tail = sample.force > open.base && sample.force < open.last;
+        let belongs = sample.force >= PULSE_SHARE * open.peak || is_tail;
+        if !belongs || sample.tick - open.found > ticks(self.rules.pulse) {
             self.close_impact(contact);
         } else {
             open.impulse += (sample.force - open.base).max(0.0) * sample.step;
-            open.peak = open.peak.max(sample.force);
+            (open.peak, open.last) = (open.peak.max(sample.force), sample.force);
         }
     }
 

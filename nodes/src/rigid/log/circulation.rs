@@ -4,16 +4,18 @@ use crate::contact::vector::{Vec3, add, dot, scale, sub};
 
 /// Time between two observations that are compared, s: shorter frames are left out.
 const CHORD: f64 = 1.0 / 240.0;
-/// Time constant of the observed chords, s; at least two frames.
+/// Time constant of the observed chords, s; at least [`MIN_CHORDS`] of them.
 const MEMORY: f64 = 0.05;
 /// Smallest number of chords.
-const MIN_CHORDS: u32 = 3;
+const MIN_CHORDS: u32 = 4;
 /// Smallest mean change of the normal in a chord, rad: below it a body at rest trembles.
 const MIN_TURN: f64 = 1e-3;
 /// Smallest correlation of the chords of the point with those of the normal.
-const MIN_CORRELATION: f64 = 0.9;
+const MIN_CORRELATION: f64 = 0.95;
 /// Smallest product of the two variances of the chords over the square of their sum; 0 on a straight path, 0.25 on whole turns.
 const MIN_ROUNDNESS: f64 = 0.03;
+/// Smallest square of the mean rate of the normal over its mean square: a body that rocks turns in jerks.
+const MIN_STEADINESS: f64 = 0.8;
 
 /// Observed chords of a contact point on one body, and the radius of curvature that they have in common.
 ///
@@ -38,13 +40,16 @@ pub(super) struct Circulation {
     points: f64,
     normals: f64,
     products: f64,
+    /// Weighted sums of the rate of the normal and of its square.
+    rates: [f64; 2],
     /// Weighted sum of the outer products of the chords on the other body: xx, yy, zz, xy, yz, zx.
     spread: [f64; 6],
 }
 
 impl Circulation {
-    /// Adds an observation, a time after the previous one.
-    pub fn observe(&mut self, point: Vec3, normal: Vec3, on_other: Vec3, time: f64) {
+    /// Adds an observation, a time after the previous one: point and outward normal in the frame of the body, the point in that of the
+    /// other body, and the rate of the normal in rad/s.
+    pub fn observe(&mut self, [point, normal, on_other]: [Vec3; 3], rate: f64, time: f64) {
         self.elapsed += time;
         let Some([point_0, normal_0, other_0]) = self.start else {
             self.start = Some([point, normal, on_other]);
@@ -56,12 +61,14 @@ impl Circulation {
             return;
         }
         let (dp, dn, [x, y, z]) = (sub(point, point_0), sub(normal, normal_0), sub(on_other, other_0));
-        let decay = (-self.elapsed / MEMORY.max(2.0 * self.elapsed)).exp();
+        let decay = (-self.elapsed / MEMORY.max(f64::from(MIN_CHORDS) * self.elapsed)).exp();
         let accumulate = |sum: &mut f64, term: f64| *sum = *sum * decay + term;
         accumulate(&mut self.weight, 1.0);
         accumulate(&mut self.points, dot(dp, dp));
         accumulate(&mut self.normals, dot(dn, dn));
         accumulate(&mut self.products, dot(dp, dn));
+        accumulate(&mut self.rates[0], rate);
+        accumulate(&mut self.rates[1], rate * rate);
         for (sum, term) in self.spread.iter_mut().zip([x * x, y * y, z * z, x * y, y * z, z * x]) {
             accumulate(sum, term);
         }
@@ -77,6 +84,7 @@ impl Circulation {
         let circulates = self.chords >= MIN_CHORDS
             && self.normals >= self.weight * MIN_TURN * MIN_TURN
             && self.products.abs() >= MIN_CORRELATION * (self.points * self.normals).sqrt()
+            && self.rates[0] * self.rates[0] >= MIN_STEADINESS * self.weight * self.rates[1]
             && minors >= MIN_ROUNDNESS * trace * trace
             && trace > 0.0;
         circulates.then(|| self.products / self.normals)
@@ -117,8 +125,8 @@ mod tests {
         for (rate, speed) in [(60.0, 20.0), (60.0, 300.0), (60.0, 900.0), (240.0, 100.0), (1200.0, 60.0)] {
             let mut circulation = Circulation::default();
             for k in 0..(rate * 0.2) as u32 {
-                let [p, n, other] = rim(0.013, 0.1, speed * f64::from(k) / rate);
-                circulation.observe(p, n, other, 1.0 / rate);
+                let observed = rim(0.013, 0.1, speed * f64::from(k) / rate);
+                circulation.observe(observed, speed * 0.1_f64.sin(), 1.0 / rate);
             }
             let radius = circulation.radius().unwrap();
             assert!((radius * 0.1_f64.sin() / 0.013 - 1.0).abs() < 1e-9, "{radius} at {rate} Hz");
@@ -132,14 +140,15 @@ mod tests {
         for k in 0..200 {
             let t = f64::from(k) / 60.0;
             let corner = [[-0.1, 0.1][rng.below(2)], [-0.1, 0.1][rng.below(2)], 0.0];
-            face.observe(corner, [rng.between(-0.01, 0.01), rng.between(-0.01, 0.01), -1.0], corner, 1.0 / 60.0);
+            let trembling = [rng.between(-0.01, 0.01), rng.between(-0.01, 0.01), -1.0];
+            face.observe([corner, trembling, corner], 0.1, 1.0 / 60.0);
             assert_eq!(face.radius(), None);
             let tilt = 0.02 * (30.0 * t).sin();
             let edge = [0.1 * tilt.signum(), 0.0, 0.0];
-            box_.observe(edge, [tilt, 0.0, -1.0], edge, 1.0 / 60.0);
+            box_.observe([edge, [tilt, 0.0, -1.0], edge], 0.6 * (30.0 * t).cos().abs(), 1.0 / 60.0);
             assert_eq!(box_.radius(), None);
             let (s, c) = (70.0 * t).sin_cos();
-            ball.observe([0.01 * s, 0.0, -0.01 * c], [s, 0.0, -c], [0.7 * t, 0.0, 0.0], 1.0 / 60.0);
+            ball.observe([[0.01 * s, 0.0, -0.01 * c], [s, 0.0, -c], [0.7 * t, 0.0, 0.0]], 70.0, 1.0 / 60.0);
             assert_eq!(ball.radius(), None);
         }
     }

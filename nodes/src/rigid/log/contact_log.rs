@@ -23,6 +23,9 @@ params! {
     /// the two bodies, position, normal, force or impulse, and the velocity of b relative to a. A separate file of
     /// poses of the bodies adds positions on the bodies, velocities that the log does not have, and speeds of approach.
     ///
+    /// A contact point that circulates, as on the rim of a coin that settles, is followed at any number of turns per frame by the angular
+    /// velocity in the poses, and the time at which a contact began within its frame by the velocities before and after it.
+    ///
     /// Body a of a pair is always the one with the smaller number. Points are tracked from frame to frame to find their contacts. A
     /// contact that is missing for up to `hold` continues without force; after a longer gap it has ended.
     ///
@@ -120,7 +123,7 @@ impl Node for ContactLog {
     type Params = ContactLogParams;
     type Ports = ContactLogPorts;
     const NAME: &'static str = "ContactLog";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &ContactLogParams, s: &mut Shape<'_, '_, ContactLogPorts>) -> Result<(), Reject> {

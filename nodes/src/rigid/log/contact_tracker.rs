@@ -73,6 +73,8 @@ struct Track {
     extent_age: f64,
     /// Velocities over the surfaces of a and b.
     travel: Option<[Vec3; 2]>,
+    /// Velocities of the material of a and b at the contact.
+    material: [Vec3; 2],
     /// Chords of the contact point on a and on b.
     circulation: [Circulation; 2],
 }
@@ -236,6 +238,7 @@ impl<'a> ContactTracker<'a> {
             extent: new.extent,
             extent_age: 0.0,
             travel: None,
+            material: new.motion.map(|motion| motion.velocity_at(new.row.point)),
             circulation: [Circulation::default(); 2],
         };
         track.observe_chords(new, 0.0);
@@ -403,13 +406,14 @@ impl Track {
     /// distance exceeds the extent of the contact. A single point, as of a ball, has an extent of 0.
     fn advance(&mut self, new: &Observation, time: f64, jump: f64) {
         self.observe_chords(new, time);
+        let material = new.motion.map(|motion| motion.velocity_at(new.row.point));
+        let last_material = std::mem::replace(&mut self.material, material);
         if let Some(travel) = self.circulating_travel(new, time) {
             self.travel = Some(travel);
             (self.anchor, self.point, self.normal) = (new.row.point, new.row.point, new.row.normal);
             self.extent *= (-time / SMOOTHING).exp();
             return;
         }
-        let material = new.motion.map(|motion| motion.velocity_at(new.row.point));
         let body_velocity = if norm(material[0]) > norm(material[1]) { material[0] } else { material[1] };
         let jumped = norm(sub(new.row.point, add(self.point, scale(body_velocity, time))));
         let jumped = if jumped > jump + 2.0 * norm(new.velocity) * time { jumped } else { 0.0 };
@@ -427,7 +431,8 @@ impl Track {
         let velocity = scale(sub(pulled(self.extent), self.anchor), 1.0 / time);
         let part = 1.0 - (-time / SMOOTHING).exp();
         let over = |k: usize| {
-            let travel = sub(velocity, material[k]);
+            // The velocity of the point is a mean over the frame, and so is that of the material.
+            let travel = sub(velocity, scale(add(material[k], last_material[k]), 0.5));
             sub(travel, scale(new.row.normal, dot(travel, new.row.normal)))
         };
         self.travel = Some(match self.travel {
@@ -445,27 +450,33 @@ impl Track {
         self.normal = new.row.normal;
     }
 
-    /// Adds the chord since the previous frame.
+    /// Adds the chords since the previous frame.
     fn observe_chords(&mut self, new: &Observation, time: f64) {
         let local = new.motion.map(|motion| motion.to_local(new.row.point));
-        for (k, circulation) in self.circulation.iter_mut().enumerate() {
+        for k in [0, 1] {
+            let rate = norm(self.turn(new, k, time));
             let outward = scale(new.row.normal, if k == 0 { 1.0 } else { -1.0 });
             let normal = rotate_back(new.motion[k].rotation, outward);
-            circulation.observe(local[k], normal, local[1 - k], time);
+            self.circulation[k].observe([local[k], normal, local[1 - k]], rate, time);
         }
+    }
+
+    /// Rate of a body's turn under the normal, rad/s: its angular velocity times the normal, without the rate of the normal itself.
+    ///
+    /// The normal turns with the other body, or as observed from frame to frame, whichever is less.
+    fn turn(&self, new: &Observation, side: usize, time: f64) -> Vec3 {
+        let normal = new.row.normal;
+        let with_other = cross(new.motion[1 - side].angular_velocity, normal);
+        let observed = scale(sub(normal, self.normal), 1.0 / time.max(1e-6));
+        let rate = if norm(with_other) <= norm(observed) { with_other } else { observed };
+        sub(cross(new.motion[side].angular_velocity, normal), rate)
     }
 
     /// Velocities over the surfaces of a contact point that circulates.
     fn circulating_travel(&self, new: &Observation, time: f64) -> Option<[Vec3; 2]> {
         let radius = [0, 1].map(|k| self.circulation[k].radius());
         let side = if radius[1].is_some() { 1 } else { 0 };
-        let normal = new.row.normal;
-        // The normal turns with the other body, or from frame to frame, whichever is less: it cannot be a fast turn of both.
-        let with_other = cross(new.motion[1 - side].angular_velocity, normal);
-        let observed = scale(sub(normal, self.normal), 1.0 / time);
-        let rate = if norm(with_other) <= norm(observed) { with_other } else { observed };
-        let turn = sub(cross(new.motion[side].angular_velocity, normal), rate);
-        let along = |v: Vec3| sub(v, scale(normal, dot(v, normal)));
-        Some(travel(side, radius[side]?, along(turn), along(new.velocity)))
+        let along = |v: Vec3| sub(v, scale(new.row.normal, dot(v, new.row.normal)));
+        Some(travel(side, radius[side]?, along(self.turn(new, side, time)), along(new.velocity)))
     }
 }
