@@ -50,6 +50,7 @@ fn slide(speeds: &[(f64, f64)], end: f64) -> Vec<(Tick, Message)> {
                 force: 2.5,
                 velocity: [speed, 0.0, 0.0],
                 approach: Some(0.0),
+                depth: None,
                 mass: None,
                 travel: Some([speed, 0.0, 0.0]),
                 step: Some(frame),
