@@ -229,14 +229,15 @@ impl Classifier {
         };
         let sample = contact.history.push(sample, self.rules.blend);
         let mean_force = sample.mean_force;
-        if contact.open.is_some() {
-            self.extend_impact(contact, sample);
-        } else if contact.pending {
-            self.detect_impact(contact, Some(sample));
-        }
+        let belongs = if contact.open.is_some() {
+            self.extend_impact(contact, sample)
+        } else {
+            contact.pending && self.detect_impact(contact, Some(sample))
+        };
         contact.latest = *frame;
         contact.last_tick = tick;
-        contact.pending = true;
+        // A frame that belongs to an impact is not another one.
+        contact.pending = !belongs;
         let variation = self.update_state(contact, tick, sliding, rolling);
         let min_force = contact.history.min_force(0, self.rules.impact_memory);
         let min_force = min_force.filter(|_| !self.is_new(contact, tick));

@@ -34,22 +34,22 @@ pub(super) struct OpenImpact {
 }
 
 impl Classifier {
-    /// Tests the pending frame of a contact for an impact, with the next frame or without one.
-    pub(super) fn detect_impact(&mut self, contact: &mut TrackedContact, next: Option<Sample>) {
+    /// Tests the pending frame of a contact for an impact, with the next frame or without one; returns true if the next frame belongs to it.
+    pub(super) fn detect_impact(&mut self, contact: &mut TrackedContact, next: Option<Sample>) -> bool {
         contact.pending = false;
         let age = usize::from(next.is_some());
-        let Some(here) = contact.history.back(age) else { return };
+        let Some(here) = contact.history.back(age) else { return false };
         let before = contact.history.back(age + 1);
         let rules = &self.rules;
         let is_refractory = contact.last_impact.is_some_and(|at| here.tick - at < ticks(rules.refractory));
         let approach = contact.history.max_approach(age, APPROACH_TIME);
         if is_refractory || approach < rules.impact_approach || here.force <= 0.0 {
-            return;
+            return false;
         }
         let (force_before, force_next) = (before.map_or(0.0, |s| s.force), next.map_or(0.0, |s| s.force));
         let is_peak = here.force > force_before && here.force >= force_next;
         if before.is_some() && !(is_peak && contact.history.has_speed_peak(age, APPROACH_TIME)) {
-            return;
+            return false;
         }
         // Before the contact began the force was 0.
         let min_force = contact.history.min_force(age, rules.impact_memory);
@@ -83,6 +83,7 @@ impl Classifier {
         if later.is_none_or(|s| s.tick - here.tick > ticks(self.rules.pulse)) {
             self.close_impact(contact);
         }
+        later.is_some()
     }
 
     /// Time of an impact in a frame, between the forces of the frame before and after it.
@@ -108,17 +109,18 @@ impl Classifier {
         (here.tick + ticks(offset)).max(earliest).max(0)
     }
 
-    /// Adds a frame to the open impact of a contact, or closes it.
-    pub(super) fn extend_impact(&mut self, contact: &mut TrackedContact, sample: Sample) {
-        let Some(open) = &mut contact.open else { return };
+    /// Adds a frame to the open impact of a contact and returns true, or closes it.
+    pub(super) fn extend_impact(&mut self, contact: &mut TrackedContact, sample: Sample) -> bool {
+        let Some(open) = &mut contact.open else { return false };
         let is_tail = sample.force > open.base && sample.force < open.last;
         let belongs = sample.force >= PULSE_SHARE * open.peak || is_tail;
         if !belongs || sample.tick - open.found > ticks(self.rules.pulse) {
             self.close_impact(contact);
-        } else {
-            open.impulse += (sample.force - open.base).max(0.0) * sample.step;
-            (open.peak, open.last) = (open.peak.max(sample.force), sample.force);
+            return false;
         }
+        open.impulse += (sample.force - open.base).max(0.0) * sample.step;
+        (open.peak, open.last) = (open.peak.max(sample.force), sample.force);
+        true
     }
 
     /// Queues the open impact of a contact, unless it is too weak for the recent forces or these are steady.

@@ -315,7 +315,7 @@ impl<'a> ContactTracker<'a> {
     }
 
     /// Time since a contact that begins in this frame began, s, from the centres of the bodies at both ends of the frame; `None`
-    /// unless the poses have rows there, or if the speed has hardly changed yet.
+    /// unless the poses have rows there, if the depth is more accurate, or if the speeds of the centres hardly change.
     ///
     /// Until the contact the distance of the centres changes at the speed before the frame and its acceleration, after it at the
     /// speed at the end of the frame.
@@ -336,6 +336,11 @@ impl<'a> ContactTracker<'a> {
         let earlier = along(tick - 2 * self.step);
         let acceleration = earlier.map_or(0.0, |[_, v]| (v0 - v) / step);
         let acceleration = if acceleration.abs() <= MAX_ACCELERATION { acceleration } else { 0.0 };
+        let [on_a, on_b] = new.motion.map(|motion| motion.velocity_at(new.row.point));
+        if approach > 0.0 && dot(sub(on_b, on_a), new.row.normal) < -0.5 * approach {
+            // The bodies have hardly slowed down: the contact began at the end of the frame.
+            return new.row.depth.is_none().then_some(0.0);
+        }
         let jump = v1 - v0 - acceleration * step;
         if jump < 0.5 * approach || approach <= 0.0 {
             return None;
