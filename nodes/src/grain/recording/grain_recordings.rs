@@ -70,8 +70,8 @@ ports! {
     pub struct GrainRecordingsPorts / GrainRecordingsIo {
         in {}
         out {
-            /// The recordings.
-            recordings: Value<GrainRecordings>,
+            /// The recordings with their tags and components.
+            recorded: Value<GrainRecordings>,
         }
     }
 }
@@ -239,7 +239,7 @@ impl Func for GrainRecordingsNode {
         if !guessed.is_empty() {
             summary.push(("guessed_continuous", guessed.join(", ").into()));
         }
-        io.recordings.set(recordings);
+        io.recorded.set(recordings);
         Ok([summary, warnings].concat())
     }
 

@@ -52,7 +52,7 @@ params! {
         /// Tags of breaking, for impacts of at least `break_energy`.
         breaking: Text = "break".into();
         /// Body whose impacts and contacts sound; None for all.
-        object: Option<u32> = None;
+        object: Option<u32> = None, unit "", range 0..=u32::MAX;
         /// Energy at which an impact has the level of the recordings.
         energy_ref: f64 = 0.1, unit "J", range 1e-12..=1.0e9_f64;
         /// Smallest and largest gain of an impact; below the smallest it is silent.
@@ -188,7 +188,7 @@ impl GrainRetarget {
         let shift = (self.random.uniform(0, round, 7) * sounds.len() as f64) as u64;
         let sound = ((place + shift) % sounds.len() as u64) as usize;
         let segments = if breaks || energy >= p.whole_energy { u32::MAX } else { 1 };
-        voices.begin(sound as u32, segments, frame, amplitude.min(high) as f32, p.rate.as_f64());
+        voices.begin(sounds, sound as u32, segments, frame, amplitude.min(high) as f32, p.rate.as_f64());
     }
 
     /// Sets the levels of a pair from the frames that were summed.
@@ -239,7 +239,7 @@ impl GrainRetarget {
         let index = match self.pairs.iter().position(|pair| pair.bodies == bodies) {
             Some(index) => index,
             None if is_silent => return,
-            None if self.pairs.len() < self.pairs.capacity() => {
+            None if self.has_room(rate.first_at(tick)) => {
                 let id = bodies[0].wrapping_mul(0x9e37).wrapping_add(bodies[1]) & 0x0fff_ffff;
                 self.pairs.push(Pair { bodies, latest: Tick::MIN, is_set: true, id, ..Pair::default() });
                 self.counts[2] += 1;
@@ -317,13 +317,16 @@ impl GrainRetarget {
                     }
                 }
             }
-            // Pairs that are apart are forgotten.
-            self.pairs.retain(|pair| {
-                pair.power != [0.0; KINDS]
-                    || !pair.is_set
-                    || pair.chains.iter().flatten().any(Option::is_some)
-            });
         }
+    }
+
+    /// Forgets the pairs that are apart and silent, and returns true if there is room for another.
+    fn has_room(&mut self, now: i64) -> bool {
+        self.pairs.retain(|pair| {
+            let sounds = pair.chains.iter().flatten().flatten().any(|chain| !chain.has_ended(now));
+            pair.power != [0.0; KINDS] || !pair.is_set || sounds
+        });
+        self.pairs.len() < self.params.voices.into()
     }
 
     /// Handles events in the order of their times.

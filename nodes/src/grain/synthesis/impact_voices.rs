@@ -47,7 +47,16 @@ impl ImpactVoices {
     }
 
     /// Starts a sound, or its first segments only; the voice that began first ends for it if there are too many.
-    pub fn begin(&mut self, sound: u32, segments: u32, start: i64, gain: f32, rate: f64) {
+    pub fn begin(
+        &mut self,
+        sounds: &[ImpactSound],
+        sound: u32,
+        segments: u32,
+        start: i64,
+        gain: f32,
+        rate: f64,
+    ) {
+        self.forget(sounds, start);
         let sounding = self.voices.iter().filter(|v| v.stop.is_none()).count();
         if sounding >= self.max {
             self.stolen += 1;
@@ -103,9 +112,14 @@ impl ImpactVoices {
                 }
             }
         }
+        self.forget(sounds, end);
+    }
+
+    /// Removes the voices that have ended.
+    fn forget(&mut self, sounds: &[ImpactSound], now: i64) {
         self.voices.retain(|v| {
             let frames = sounds.get(v.sound as usize).map_or(0, |s| s.frames);
-            v.start + frames > end && v.stop.is_none_or(|stop| stop > end)
+            v.start + frames > now && v.stop.is_none_or(|stop| stop > now)
         });
     }
 }
