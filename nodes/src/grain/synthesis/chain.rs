@@ -16,17 +16,16 @@ const SLEW: f64 = 2.0;
 /// Grains that are not repeated.
 const AVOIDED: usize = 8;
 
-/// A level that changes linearly, and is then smoothed.
+/// A linear change of a level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Level {
+struct Ramp {
     from: f64,
     to: f64,
-    /// Frames of the change: first and last.
+    /// Its first and its last frame.
     frames: [i64; 2],
-    smooth: f64,
 }
 
-impl Level {
+impl Ramp {
     fn at(&self, frame: i64) -> f64 {
         let [first, last] = self.frames;
         if frame >= last {
@@ -35,9 +34,25 @@ impl Level {
         let part = (frame - first).max(0) as f64 / (last - first).max(1) as f64;
         self.from + part * (self.to - self.from)
     }
+}
+
+/// A level that changes linearly, and is then smoothed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Level {
+    ramp: Ramp,
+    /// The ramp until the first frame of the latest one.
+    before: Ramp,
+    smooth: f64,
+}
+
+impl Level {
+    fn at(&self, frame: i64) -> f64 {
+        if frame < self.ramp.frames[0] { self.before.at(frame) } else { self.ramp.at(frame) }
+    }
 
     fn set(&mut self, to: f64, now: i64, duration: i64) {
-        *self = Self { from: self.at(now), to, frames: [now, now + duration.max(1)], ..*self };
+        let ramp = Ramp { from: self.at(now), to, frames: [now, now + duration.max(1)] };
+        *self = Self { before: self.ramp, ramp, ..*self };
     }
 }
 
@@ -97,7 +112,8 @@ impl Chain {
     /// Returns true if it is silent, and stays so.
     #[must_use]
     pub fn has_ended(&self, now: i64) -> bool {
-        self.level.to == 0.0 && now >= self.level.frames[1] && self.level.smooth < SILENT
+        let Ramp { to, frames, .. } = self.level.ramp;
+        to == 0.0 && now >= frames[1] && self.level.smooth < SILENT
     }
 
     /// Shift of the frequency of a sound, as a factor, from `now` on.
