@@ -60,21 +60,15 @@ fn add_pieces(pieces: &[Piece], out: &mut [f32], hop: f64) {
         slope[k] = (piece.amplitude[1] - piece.amplitude[0]) / hop;
     }
     for y in out {
-        let mut sum = 0.0;
-        for k in 0..LANES {
-            sum += amplitude[k] * z[0][0][k];
-        }
-        *y += sum as f32;
+        *y += amplitude.iter().zip(&z[0][0]).map(|(a, cosine)| a * cosine).sum::<f64>() as f32;
         for j in 0..3 {
-            for k in 0..LANES {
-                let (a, b) = ([z[j][0][k], z[j][1][k]], [z[j + 1][0][k], z[j + 1][1][k]]);
-                z[j][0][k] = a[0] * b[0] - a[1] * b[1];
-                z[j][1][k] = a[0] * b[1] + a[1] * b[0];
+            let ([.., [re, im]], [[turn_re, turn_im], ..]) = z.split_at_mut(j + 1) else { continue };
+            for ((re, im), (c, s)) in re.iter_mut().zip(im.iter_mut()).zip(turn_re.iter().zip(turn_im.iter()))
+            {
+                (*re, *im) = (*re * c - *im * s, *re * s + *im * c);
             }
         }
-        for k in 0..LANES {
-            amplitude[k] += slope[k];
-        }
+        amplitude.iter_mut().zip(slope).for_each(|(a, slope)| *a += slope);
     }
 }
 

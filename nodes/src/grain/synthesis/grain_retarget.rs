@@ -334,10 +334,9 @@ impl GrainRetarget {
         let rate = io.audio.rate();
         let width = usize::from(self.params.channels);
         let (mut next, to) = (io.audio.first(), io.audio.first() + io.audio.len() as i64);
-        let none: (&[(Tick, Impact)], &[(Tick, ContactState)], &[(Tick, Trigger)]) = (&[], &[], &[]);
-        let impacts = io.impacts.as_ref().map_or(none.0, |e| e.events());
-        let states = io.states.as_ref().map_or(none.1, |e| e.events());
-        let triggers = io.triggers.as_ref().map_or(none.2, |e| e.events());
+        let impacts: &[(Tick, Impact)] = io.impacts.as_ref().map_or(&[], |e| e.events());
+        let states: &[(Tick, ContactState)] = io.states.as_ref().map_or(&[], |e| e.events());
+        let triggers: &[(Tick, Trigger)] = io.triggers.as_ref().map_or(&[], |e| e.events());
         let mut out = io.audio.items();
         out.fill(0.0);
         let (mut i, mut j, mut k) = (0, 0, 0);
