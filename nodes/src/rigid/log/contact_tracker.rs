@@ -322,6 +322,9 @@ impl<'a> ContactTracker<'a> {
     fn age(&self, new: &Observation, tick: Tick, approach: f64) -> Option<f64> {
         /// Largest acceleration of free motion, m/s^2.
         const MAX_ACCELERATION: f64 = 30.0;
+        if !new.row.bodies.iter().any(|body| self.poses.has(*body)) {
+            return None;
+        }
         let step = seconds(self.step);
         let along = |tick: Tick| -> Option<[f64; 2]> {
             let relative = |k: usize| {
