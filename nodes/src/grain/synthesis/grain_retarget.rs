@@ -483,23 +483,26 @@ impl Node for GrainRetarget {
     }
 
     fn retune(&mut self, new: &GrainRetargetParams) -> Retune {
-        let p = &self.params;
-        let same = GrainRetargetParams {
-            energy_ref: p.energy_ref,
-            range: p.range,
-            whole_energy: p.whole_energy,
-            speed_ref: p.speed_ref,
-            gamma: p.gamma,
-            jump: p.jump,
-            steady: p.steady,
-            transient: p.transient,
-            gain: p.gain,
-            ..new.clone()
-        };
-        if same != self.params {
+        let p = &mut self.params;
+        let tags = [&p.impact, &p.sliding, &p.rolling, &p.breaking];
+        let numbers =
+            (p.object, p.break_energy, p.variations, p.spread, p.voices, p.tail, p.channels, p.rate);
+        let new_numbers = (
+            new.object,
+            new.break_energy,
+            new.variations,
+            new.spread,
+            new.voices,
+            new.tail,
+            new.channels,
+            new.rate,
+        );
+        if tags != [&new.impact, &new.sliding, &new.rolling, &new.breaking] || numbers != new_numbers {
             return Retune::Rebuild;
         }
-        self.params.clone_from(new);
+        (p.energy_ref, p.range, p.whole_energy) = (new.energy_ref, new.range, new.whole_energy);
+        (p.speed_ref, p.gamma, p.jump) = (new.speed_ref, new.gamma, new.jump);
+        (p.steady, p.transient, p.gain) = (new.steady, new.transient, new.gain);
         Retune::Done
     }
 

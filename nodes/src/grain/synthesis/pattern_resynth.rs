@@ -178,16 +178,13 @@ impl Node for PatternResynth {
     }
 
     fn retune(&mut self, new: &PatternResynthParams) -> Retune {
-        let same = PatternResynthParams {
-            gain: self.params.gain,
-            steady: self.params.steady,
-            transient: self.params.transient,
-            ..new.clone()
-        };
-        if same != self.params {
+        let p = &mut self.params;
+        let fixed = (p.start, p.repeat, p.duration, p.gap, p.channels, p.rate);
+        let new_fixed = (new.start, new.repeat, new.duration, new.gap, new.channels, new.rate);
+        if p.recording != new.recording || fixed != new_fixed {
             return Retune::Rebuild;
         }
-        (self.params.gain, self.params.steady, self.params.transient) = (new.gain, new.steady, new.transient);
+        (p.gain, p.steady, p.transient) = (new.gain, new.steady, new.transient);
         Retune::Done
     }
 
