@@ -17,6 +17,14 @@ pub trait ManifestEntry: Default {
 
     /// The field of a column; `file` is the path of the recording, relative to the manifest.
     fn field(column: &str) -> Option<fn(&mut Self) -> &mut String>;
+
+    /// Checks the fields of an entry.
+    ///
+    /// # Errors
+    /// A message that names the column, what was found, and what would be right.
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
 }
 
 /// Reads a manifest: a CSV with the columns of `E` in any order, of which `file` is required.
@@ -94,6 +102,7 @@ pub fn read_manifest<E: ManifestEntry>(bytes: &[u8]) -> Result<Vec<E>, String> {
             ));
         }
         lines.insert(path, line);
+        entry.check().map_err(|text| format!("line {line}, {text}"))?;
         entries.push(entry);
         if entries.len() > MAX_ENTRIES {
             return Err(format!("line {line}: at most {MAX_ENTRIES} {}s are read", E::NAME));

@@ -3,14 +3,13 @@
 use super::patterns::{
     CorrelationPatterns, PATTERNS_VERSION, Pattern, PatternError, Peak, gain_of_steps, gain_steps,
 };
+use crate::artefact::sealed::{seal, unseal};
 use crate::artefact::value_file::Artefact;
 use crate::core::node::Summary;
 use serde::{Deserialize, Serialize};
 
 /// The first bytes of a file of patterns.
 const MAGIC: &[u8] = b"foley:FPAT\n";
-/// Bytes before the fields: signature, version, digest.
-const HEAD: usize = MAGIC.len() + 4 + 32;
 
 /// Patterns whose peaks are small integers, of which each takes one to three bytes.
 #[derive(Serialize, Deserialize)]
@@ -51,11 +50,7 @@ impl CorrelationPatterns {
             patterns: self.patterns.iter().map(stored).collect(),
         };
         let body = postcard::to_allocvec(&all).map_err(|e| e.to_string())?;
-        let mut out = MAGIC.to_vec();
-        out.extend(self.version.to_le_bytes());
-        out.extend(blake3::hash(&body).as_bytes());
-        out.extend(body);
-        Ok(out)
+        Ok(seal(MAGIC, self.version, &body))
     }
 
     /// The patterns in such a file.
@@ -63,21 +58,8 @@ impl CorrelationPatterns {
     /// # Errors
     /// Other files, other versions, damage.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        if bytes.len() < HEAD || !bytes.starts_with(MAGIC) {
-            return Err("these are no correlation patterns".into());
-        }
-        let (head, body) = bytes.split_at(HEAD);
-        let mut version = [0; 4];
-        version.copy_from_slice(&head[MAGIC.len()..MAGIC.len() + 4]);
-        let found = u32::from_le_bytes(version);
-        if found != PATTERNS_VERSION {
-            return Err(PatternError::Version { found }.to_string());
-        }
-        if head[MAGIC.len() + 4..] != *blake3::hash(body).as_bytes() {
-            return Err(
-                "the patterns are damaged, cut off or were changed: what they hold has another digest".into(),
-            );
-        }
+        let other = |found| PatternError::Version { found };
+        let body = unseal((MAGIC, PATTERNS_VERSION), "correlation patterns", bytes, other)?;
         let all: Stored = postcard::from_bytes(body).map_err(|e| format!("the patterns are damaged: {e}"))?;
         let pattern = |stored: StoredPattern| {
             let mut t = 0_u32;
@@ -144,7 +126,7 @@ mod tests {
     fn damaged_cut_and_foreign_files_are_refused() {
         let bytes = CorrelationPatterns::trial(&mut Rng::new(4)).to_bytes().unwrap();
         let error = |bytes: &[u8]| CorrelationPatterns::from_bytes(bytes).unwrap_err();
-        assert!(error(b"RIFF").contains("no correlation patterns"));
+        assert!(error(b"RIFF").contains("no file of correlation patterns"));
         assert!(error(&bytes[..bytes.len() - 1]).contains("digest"));
         let mut version = bytes;
         version[MAGIC.len()] = 9;

@@ -1,13 +1,12 @@
 //! The file of a grain dictionary.
 
 use super::grains::{GRAINS_VERSION, GrainDictionary, GrainError};
+use crate::artefact::sealed::{seal, unseal};
 use crate::artefact::value_file::Artefact;
 use crate::core::node::Summary;
 
 /// The first bytes of a file of a dictionary.
 const MAGIC: &[u8] = b"foley:FGRN\n";
-/// Bytes before the fields: signature, version, number of bytes of the fields, digest.
-const HEAD: usize = MAGIC.len() + 4 + 8 + 32;
 
 impl GrainDictionary {
     /// The dictionary as one file: a signature, the version, a digest, the fields, and the samples with 16 or 32 bits.
@@ -15,9 +14,9 @@ impl GrainDictionary {
     /// # Errors
     /// When it cannot be encoded.
     pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
-        let fields = Self { samples: Vec::new(), ..self.clone_without_samples() };
-        let fields = postcard::to_allocvec(&fields).map_err(|e| e.to_string())?;
-        let mut body = fields.clone();
+        let fields = postcard::to_allocvec(&self.clone_without_samples()).map_err(|e| e.to_string())?;
+        let mut body = (fields.len() as u64).to_le_bytes().to_vec();
+        body.extend(&fields);
         if self.compact {
             for (span, step) in self.steps_of_samples() {
                 let scale = |x: f32| {
@@ -28,12 +27,7 @@ impl GrainDictionary {
         } else {
             self.samples.iter().for_each(|x| body.extend(x.to_le_bytes()));
         }
-        let mut out = MAGIC.to_vec();
-        out.extend(self.version.to_le_bytes());
-        out.extend((fields.len() as u64).to_le_bytes());
-        out.extend(blake3::hash(&body).as_bytes());
-        out.extend(body);
-        Ok(out)
+        Ok(seal(MAGIC, self.version, &body))
     }
 
     fn clone_without_samples(&self) -> Self {
@@ -68,27 +62,14 @@ impl GrainDictionary {
     /// # Errors
     /// Other files, other versions, damage.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        if bytes.len() < HEAD || !bytes.starts_with(MAGIC) {
-            return Err("this is no grain dictionary".into());
-        }
-        let (head, body) = bytes.split_at(HEAD);
-        let number = |from: usize, len: usize| {
-            head[from..from + len].iter().rev().fold(0, |n, b| n << 8 | u64::from(*b))
-        };
-        let found = number(MAGIC.len(), 4) as u32;
-        if found != GRAINS_VERSION {
-            return Err(GrainError::Version { found }.to_string());
-        }
-        if head[MAGIC.len() + 12..] != *blake3::hash(body).as_bytes() {
-            return Err(
-                "the grain dictionary is damaged, cut off or was changed: what it holds has another digest"
-                    .into(),
-            );
-        }
-        let fields = number(MAGIC.len() + 4, 8) as usize;
-        let samples = body.get(fields..).ok_or("the grain dictionary is damaged: it is too short")?;
-        let mut all: Self = postcard::from_bytes(&body[..fields])
-            .map_err(|e| format!("the grain dictionary is damaged: {e}"))?;
+        let other = |found| GrainError::Version { found };
+        let body = unseal((MAGIC, GRAINS_VERSION), "grains", bytes, other)?;
+        let short = || "the grain dictionary is damaged: it is too short".to_owned();
+        let (head, rest) = body.split_at_checked(8).ok_or_else(short)?;
+        let len = head.iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
+        let (fields, samples) = rest.split_at_checked(len).ok_or_else(short)?;
+        let mut all: Self =
+            postcard::from_bytes(fields).map_err(|e| format!("the grain dictionary is damaged: {e}"))?;
         let width = if all.compact { 2 } else { 4 };
         let wanted = all.runs.iter().map(|r| u64::from(r.frames) * u64::from(r.channels)).sum::<u64>();
         if samples.len() as u64 != wanted * width {
@@ -99,14 +80,9 @@ impl GrainDictionary {
             ));
         }
         all.samples = vec![0.0; wanted as usize];
+        // Spans of samples are those of valid fields only.
+        all.validate().map_err(|e| e.to_string())?;
         if all.compact {
-            let blocks: usize = all.blocks().iter().map(Vec::len).sum();
-            if blocks != all.steps.len() {
-                return Err(format!(
-                    "the grain dictionary is damaged: {} steps; {blocks} are needed",
-                    all.steps.len()
-                ));
-            }
             for (span, step) in all.steps_of_samples() {
                 let bytes = samples.get(2 * span.start..2 * span.end).unwrap_or_default();
                 let values =
@@ -160,7 +136,7 @@ mod tests {
     fn damaged_cut_and_foreign_files_are_refused() {
         let bytes = GrainDictionary::trial(&mut Rng::new(4)).to_bytes().unwrap();
         let error = |bytes: &[u8]| GrainDictionary::from_bytes(bytes).unwrap_err();
-        assert!(error(b"").contains("no grain dictionary"));
+        assert!(error(b"").contains("no file of grains"));
         assert!(error(&bytes[..bytes.len() - 1]).contains("damaged"));
         let mut changed = bytes.clone();
         *changed.last_mut().unwrap() ^= 1;

@@ -249,7 +249,7 @@ impl GrainDictionary {
         let mut ends: Vec<Vec<usize>> = self.runs.iter().map(|run| vec![0, run.frames as usize]).collect();
         for grain in &self.grains {
             if let Some(ends) = ends.get_mut(grain.run as usize) {
-                ends.extend([grain.position as usize, (grain.position + grain.len) as usize]);
+                ends.extend([grain.position as usize, grain.position as usize + grain.len as usize]);
             }
         }
         for ends in &mut ends {
@@ -342,6 +342,9 @@ impl GrainDictionary {
         let wanted: usize = if self.compact { self.blocks().iter().map(Vec::len).sum() } else { 0 };
         if self.steps.len() != wanted {
             return Err(GrainError::Length { what: "steps", found: self.steps.len(), wanted });
+        }
+        if let Some(index) = self.steps.iter().position(|step| !step.is_finite()) {
+            return Err(GrainError::NotFinite { what: "step", index });
         }
         Ok(())
     }

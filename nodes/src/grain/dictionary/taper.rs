@@ -47,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn the_symmetric_window_equals_scipy() {
+    fn the_symmetric_window_is_that_of_scipy_up_to_part_of_a_sample() {
         // scipy.signal.windows.tukey(300, 0.02, sym=True) tapers over 0.02 * 299 / 2 samples.
         let width = 0.02 * 299.0 / 2.0;
         let want: Vec<f64> =

@@ -201,10 +201,6 @@ impl Func for GrainRecordingsNode {
             all = found.into_iter().map(|k| all[k].clone()).collect();
         }
         for listed in &all {
-            let label = &listed.entry;
-            if let Some(text) = label.given_kind().err().or(label.given_speed().err()) {
-                s.wrong(Reject::new(RECORDINGS.code, text).at(&listed.field));
-            }
             if !RECORDINGS.check_one(s, &listed.field, &listed.path) {
                 break;
             }

@@ -45,6 +45,11 @@ impl ManifestEntry for RecordingLabel {
             _ => return None,
         })
     }
+
+    fn check(&self) -> Result<(), String> {
+        self.given_kind()?;
+        self.given_speed().map(drop)
+    }
 }
 
 /// The words of a text, in lower case.
@@ -75,8 +80,8 @@ impl RecordingLabel {
             "impulsive" => Ok(Some(SourceKind::Impulsive)),
             "continuous" => Ok(Some(SourceKind::Continuous)),
             _ => Err(format!(
-                "{:?}, column `kind`: {:?}; `impulsive`, `continuous`, or nothing for a guess is needed",
-                self.file, self.kind
+                "column `kind`: {:?}; `impulsive`, `continuous`, or nothing for a guess is needed",
+                self.kind
             )),
         }
     }
@@ -92,8 +97,8 @@ impl RecordingLabel {
         match self.speed.parse::<f64>() {
             Ok(v) if v.is_finite() && v > 0.0 => Ok(Some(v)),
             _ => Err(format!(
-                "{:?}, column `speed`: {:?}; a number above 0 in m/s, or nothing, is needed",
-                self.file, self.speed
+                "column `speed`: {:?}; a number above 0 in m/s, or nothing, is needed",
+                self.speed
             )),
         }
     }

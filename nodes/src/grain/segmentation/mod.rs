@@ -5,5 +5,5 @@ pub mod onset_strength;
 pub mod segments;
 
 pub use flux::{FluxFrames, FluxMeter, spectral_flux};
-pub use onset_strength::{onset_strength, onsets};
+pub use onset_strength::{ONSET_RISE, onset_strength, onsets};
 pub use segments::{CutKind, SegmentRules, Segments, segment};

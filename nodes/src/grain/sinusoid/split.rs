@@ -3,7 +3,7 @@
 use super::peaks::{PeakFinder, PeakRules};
 use super::synthesis::add_tracks;
 use super::tracks::{PartialTracker, Track, TrackRules};
-use crate::grain::segmentation::{SegmentRules, segment};
+use crate::grain::segmentation::{FluxFrames, ONSET_RISE, onsets};
 
 /// A recording as the sum of two.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -59,10 +59,9 @@ fn attack_near(x: &[f32], onset: usize, reach: usize) -> usize {
 #[must_use]
 pub fn split(x: &[f32], peaks: PeakRules, rules: TrackRules, rate: f64) -> SteadyTransient {
     let tracks = find_tracks(x, peaks, rules, rate);
-    let segmentation = SegmentRules::at_rate(rate);
-    let onsets = segment(x, &segmentation).onsets;
-    let attacks: Vec<usize> =
-        onsets.iter().map(|onset| attack_near(x, *onset, segmentation.frames.frame)).collect();
+    let frames = FluxFrames::at_rate(rate);
+    let attack = |onset: usize| attack_near(x, onset, frames.frame);
+    let attacks: Vec<usize> = onsets(x, frames, rate, ONSET_RISE).into_iter().map(attack).collect();
     let mut steady = vec![0.0; x.len()];
     add_tracks(&tracks, &attacks, [peaks.hop, peaks.window / 2], rate, &mut steady);
     let transient = x.iter().zip(&steady).map(|(x, s)| x - s).collect();

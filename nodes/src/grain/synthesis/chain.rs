@@ -86,7 +86,7 @@ pub struct Chain {
     octaves: f64,
     changed: i64,
     /// Sound and step of the last segment.
-    place: [u32; 2],
+    position: [u32; 2],
     recent: [u32; AVOIDED],
     picks: u64,
     /// Segments: one that fades out, one that sounds, and the next.
@@ -139,7 +139,7 @@ impl Chain {
         let of_chain = of_chain.unwrap_or_default();
         let index = (self.begun as u64) << 24 | self.picks;
         let uniform = |lane| random.uniform(self.id, index, lane);
-        let [sound, step] = self.place;
+        let [sound, step] = self.position;
         let steps = |k: u32| of_chain.get(k as usize).map_or(0, |s| s.steps.len() as u32);
         if self.picks > 0 && uniform(0) >= rules.jump && step + 1 < steps(sound) {
             return (sound, step + 1, true);
@@ -177,7 +177,7 @@ impl Chain {
         let Some(next) = sound.steps.get(step as usize) else { return };
         let ratio = self.ratio(sound, rules, dictionary.rate, now);
         let last = (self.count as usize).checked_sub(1).map(|k| self.segments[k]);
-        let before = self.place;
+        let before = self.position;
         let t = match last {
             None => now,
             Some(last) => {
@@ -209,7 +209,7 @@ impl Chain {
                 segment.start += late;
             }
         }
-        self.place = [k, step];
+        self.position = [k, step];
         self.recent.rotate_right(1);
         self.recent[0] = next.grain;
         self.picks += 1;

@@ -1,11 +1,10 @@
 //! The node `GrainRetarget`.
 
-use super::chain::{Chain, ChainRules};
+use super::chain::ChainRules;
+use super::contact_pairs::ContactPairs;
 use super::impact_voices::ImpactVoices;
-use super::pattern_resynth::check_rate;
-use super::repertoire::{
-    ContactSound, ImpactSound, RepertoireRules, contact_sounds, impact_sounds, sources_of,
-};
+use super::repertoire::{ImpactSound, RepertoireRules, contact_sounds, impact_sounds, sources_of};
+use super::selection::{check_patterns, check_rate};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -18,11 +17,10 @@ use crate::core::time::{Rate, Tick, ticks};
 use crate::dsp::Trigger;
 use crate::grain::correlation::CorrelationPatterns;
 use crate::grain::dictionary::GrainDictionary;
-use crate::grain::recording::{Component, SourceKind};
+use crate::grain::recording::SourceKind;
 use crate::modal::Impact;
-use crate::rigid::{ContactState, State};
+use crate::rigid::ContactState;
 use crate::{archive_state, params, ports};
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 params! {
@@ -108,28 +106,6 @@ ports! {
     }
 }
 
-/// Kinds of contact that have chains.
-const KINDS: usize = 2;
-/// Components of a sound that have chains.
-const COMPONENTS: [Component; 3] = [Component::Whole, Component::Steady, Component::Transient];
-
-/// The contact of two bodies.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Pair {
-    bodies: [u32; 2],
-    /// For sliding and for rolling: sum of squared gains in the frames at `latest`, and sum of gains times speeds.
-    power: [f64; KINDS],
-    speed: [f64; KINDS],
-    /// Time of the frames that are summed, and the time until the next.
-    latest: Tick,
-    interval: Tick,
-    /// True once the level of these frames is set.
-    is_set: bool,
-    chains: [[Option<Chain>; COMPONENTS.len()]; KINDS],
-    /// Number of the pair, for random numbers.
-    id: u32,
-}
-
 /// The node `GrainRetarget`.
 #[derive(Debug)]
 pub struct GrainRetarget {
@@ -139,25 +115,16 @@ pub struct GrainRetarget {
     digest: String,
     impacts: Vec<ImpactSound>,
     breaking: Vec<ImpactSound>,
-    /// Sounds of sliding and of rolling, by component, and the first sound and the number of sounds of each.
-    contacts: [Vec<ContactSound>; KINDS],
-    ranges: [[[u32; 2]; COMPONENTS.len()]; KINDS],
+    contacts: ContactPairs,
     random: Random,
     voices: ImpactVoices,
     breaks: ImpactVoices,
-    pairs: Vec<Pair>,
-    /// Impacts, contacts and pairs so far.
-    counts: [u64; 3],
+    /// Impacts so far, and events that are not finite.
+    impact_count: u64,
     not_finite: u64,
-    dropped: u64,
     scratch: Vec<f32>,
     notices: Vec<String>,
 }
-
-/// Change of level when a contact ends or changes its state, s.
-const RELEASE: f64 = 0.03;
-/// Frames without which a contact has ended.
-const MISSING: i64 = 3;
 
 impl GrainRetarget {
     fn rules(&self) -> ChainRules {
@@ -178,8 +145,8 @@ impl GrainRetarget {
         let (sounds, voices) =
             if breaks { (&self.breaking, &mut self.breaks) } else { (&self.impacts, &mut self.voices) };
         let [low, high] = p.range.map(|db| 10f64.powf(db / 20.0));
-        let count = self.counts[0];
-        self.counts[0] += 1;
+        let count = self.impact_count;
+        self.impact_count += 1;
         if sounds.is_empty() || amplitude < low {
             return;
         }
@@ -189,102 +156,6 @@ impl GrainRetarget {
         let sound = ((place + shift) % sounds.len() as u64) as usize;
         let segments = if breaks || energy >= p.whole_energy { u32::MAX } else { 1 };
         voices.begin(sounds, sound as u32, segments, frame, amplitude.min(high) as f32, p.rate.as_f64());
-    }
-
-    /// Sets the levels of a pair from the frames that were summed.
-    fn settle(&mut self, index: usize, rate: Rate) {
-        let Some(pair) = self.pairs.get_mut(index).filter(|pair| !pair.is_set) else { return };
-        pair.is_set = true;
-        let now = rate.first_at(pair.latest);
-        let frames = rate.first_at(pair.latest + pair.interval) - now;
-        for kind in 0..KINDS {
-            let level = pair.power[kind].sqrt();
-            let speed = pair.speed[kind] / pair.power[kind].max(1e-30);
-            for (component, chain) in pair.chains[kind].iter_mut().enumerate() {
-                let range = self.ranges[kind][component];
-                // A chain that has faded out begins anew.
-                *chain = chain.filter(|chain| !chain.has_ended(now));
-                if chain.is_none() && level > 0.0 && range[1] > 0 {
-                    let id = pair.id * 8 + (kind * COMPONENTS.len() + component) as u32;
-                    *chain = Some(Chain::new(id, range, now));
-                }
-                if let Some(chain) = chain {
-                    let release = (RELEASE * rate.as_f64()) as i64;
-                    let frames = if level > 0.0 { frames } else { frames.max(release) };
-                    chain.set(level, speed, now, frames);
-                }
-            }
-        }
-    }
-
-    /// Adds a frame of a contact to its pair.
-    fn take(&mut self, tick: Tick, state: &ContactState, rate: Rate) {
-        let numbers = [state.gain, state.slip, state.sliding, state.rolling];
-        if !numbers.iter().all(|x| x.is_finite()) {
-            self.not_finite += 1;
-            return;
-        }
-        let bodies = state.frame.bodies;
-        if self.params.object.is_some_and(|object| !bodies.contains(&object)) {
-            return;
-        }
-        let shares = match state.state {
-            State::Sliding => [1.0, 0.0],
-            State::Rolling => [0.0, 1.0],
-            State::Mixed => [f64::from(state.slip), 1.0 - f64::from(state.slip)],
-            State::Static | State::Unsteady => [0.0, 0.0],
-        };
-        let gain = f64::from(state.gain).max(0.0).powi(2);
-        let is_silent = state.frame.ends || gain == 0.0 || shares == [0.0; KINDS];
-        let index = match self.pairs.iter().position(|pair| pair.bodies == bodies) {
-            Some(index) => index,
-            None if is_silent => return,
-            None if self.has_room(rate.first_at(tick)) => {
-                let id = bodies[0].wrapping_mul(0x9e37).wrapping_add(bodies[1]) & 0x0fff_ffff;
-                self.pairs.push(Pair { bodies, latest: Tick::MIN, is_set: true, id, ..Pair::default() });
-                self.counts[2] += 1;
-                self.pairs.len() - 1
-            }
-            None => {
-                self.dropped += 1;
-                return;
-            }
-        };
-        if self.pairs[index].latest != tick {
-            self.settle(index, rate);
-            let pair = &mut self.pairs[index];
-            (pair.power, pair.speed, pair.latest) = ([0.0; KINDS], [0.0; KINDS], tick);
-            (pair.interval, pair.is_set) = (state.frame.interval, false);
-        }
-        if is_silent {
-            return;
-        }
-        let pair = &mut self.pairs[index];
-        for (kind, speed) in [state.sliding, state.rolling].into_iter().enumerate() {
-            pair.power[kind] += shares[kind] * gain;
-            pair.speed[kind] += shares[kind] * gain * f64::from(speed);
-        }
-        self.counts[1] += 1;
-    }
-
-    /// Ends the contacts without frames, and sets the levels of frames before `now`.
-    fn advance(&mut self, now: Tick, rate: Rate) {
-        for index in 0..self.pairs.len() {
-            if self.pairs[index].latest < now {
-                self.settle(index, rate);
-            }
-            let pair = &mut self.pairs[index];
-            if pair.latest > Tick::MIN
-                && pair.latest + MISSING * pair.interval.max(1) < now
-                && pair.power != [0.0; KINDS]
-            {
-                // As if a frame without contacts had come.
-                let interval = pair.interval;
-                (pair.power, pair.latest) = ([0.0; KINDS], pair.latest + MISSING * interval);
-                pair.is_set = false;
-                self.settle(index, rate);
-            }
-        }
     }
 
     /// Adds the frames from `first` on.
@@ -297,36 +168,8 @@ impl GrainRetarget {
             let at = [first + (k * block) as i64 / channels, channels];
             self.voices.add(&self.dictionary, &self.impacts, at, &mut self.scratch, out);
             self.breaks.add(&self.dictionary, &self.breaking, at, &mut self.scratch, out);
-            let end = at[0] + out.len() as i64 / channels;
-            for pair in &mut self.pairs {
-                for (kind, chains) in pair.chains.iter_mut().enumerate() {
-                    for slot in chains {
-                        let Some(chain) = slot else { continue };
-                        chain.add(
-                            &self.dictionary,
-                            &self.contacts[kind],
-                            &rules,
-                            &self.random,
-                            at,
-                            &mut self.scratch,
-                            out,
-                        );
-                        if chain.has_ended(end) {
-                            *slot = None;
-                        }
-                    }
-                }
-            }
+            self.contacts.add(&self.dictionary, &rules, &self.random, at, &mut self.scratch, out);
         }
-    }
-
-    /// Forgets the pairs that are apart and silent, and returns true if there is room for another.
-    fn has_room(&mut self, now: i64) -> bool {
-        self.pairs.retain(|pair| {
-            let sounds = pair.chains.iter().flatten().flatten().any(|chain| !chain.has_ended(now));
-            pair.power != [0.0; KINDS] || !pair.is_set || sounds
-        });
-        self.pairs.len() < self.params.voices.into()
     }
 
     /// Handles events in the order of their times.
@@ -345,12 +188,12 @@ impl GrainRetarget {
                 [impacts.get(i).map(|e| e.0), states.get(j).map(|e| e.0), triggers.get(k).map(|e| e.0)];
             let Some(tick) = times.into_iter().flatten().min() else { break };
             let frame = rate.first_at(tick).clamp(next, to);
-            self.advance(tick, rate);
+            self.contacts.advance(tick, rate);
             let (now, later) = out.split_at_mut((frame - next) as usize * width);
             self.render(next, now);
             (next, out) = (frame, later);
             if times[1] == Some(tick) {
-                self.take(tick, &states[j].1, rate);
+                self.contacts.take(tick, &states[j].1, rate);
                 j += 1;
             } else if times[0] == Some(tick) {
                 let impact = &impacts[i].1;
@@ -372,7 +215,7 @@ impl GrainRetarget {
                 }
             }
         }
-        self.advance(rate.tick(to), rate);
+        self.contacts.advance(rate.tick(to), rate);
         self.render(next, out);
     }
 }
@@ -407,7 +250,7 @@ impl Node for GrainRetarget {
         let patterns = cx.optional_value(GrainRetargetPorts::patterns);
         check_rate(&dictionary, p.rate)?;
         if let Some(patterns) = &patterns {
-            patterns.validate(&dictionary).map_err(|e| Fault::new("F151", e.to_string()).at("patterns"))?;
+            check_patterns(patterns, &dictionary)?;
         }
         let patterns = patterns.as_deref();
         let rules = RepertoireRules { variations: p.variations, spread: p.spread };
@@ -425,28 +268,17 @@ impl Node for GrainRetarget {
         let breaking =
             if p.break_energy.is_some() { find(&p.breaking.0, SourceKind::Impulsive) } else { Vec::new() };
         let kinds = [&p.sliding.0, &p.rolling.0].map(|tags| find(tags, SourceKind::Continuous));
-        let mut contacts = kinds.map(|sources| contact_sounds(&dictionary, patterns, &sources, &rules));
-        let ranges = contacts.each_mut().map(|sounds| {
-            sounds.sort_by_key(|sound| sound.component);
-            COMPONENTS.map(|component| {
-                let first = sounds.partition_point(|s| s.component < component);
-                let end = sounds.partition_point(|s| s.component <= component);
-                [first as u32, (end - first) as u32]
-            })
-        });
+        let contacts = kinds.map(|sources| contact_sounds(&dictionary, patterns, &sources, &rules));
         let window = cx.items_per_window(p.rate).max(256);
         Ok(Self {
             impacts: impact_sounds(&dictionary, patterns, &impacts, &rules, &cx.random),
             breaking: impact_sounds(&dictionary, patterns, &breaking, &rules, &cx.random),
-            contacts,
-            ranges,
+            contacts: ContactPairs::new(p.voices.into(), p.object, contacts),
             random: cx.random,
             voices: ImpactVoices::new(p.voices.into()),
             breaks: ImpactVoices::new(p.voices.into()),
-            pairs: Vec::with_capacity(p.voices.into()),
-            counts: [0; 3],
+            impact_count: 0,
             not_finite: 0,
-            dropped: 0,
             scratch: vec![0.0; window.min(65_536) * usize::from(p.channels)],
             notices,
             digest: dictionary.id(),
@@ -465,14 +297,17 @@ impl Node for GrainRetarget {
     }
 
     fn finish(&mut self, _: GrainRetargetIo<'_>) -> Result<Summary, Fault> {
-        let [impacts, frames, pairs] = self.counts;
-        let mut summary: Summary =
-            vec![("impacts", impacts.into()), ("contact_frames", frames.into()), ("pairs", pairs.into())];
+        let contacts = &self.contacts;
+        let mut summary: Summary = vec![
+            ("impacts", self.impact_count.into()),
+            ("contact_frames", contacts.frames.into()),
+            ("pairs", contacts.count.into()),
+        ];
         summary.push(("impact_sounds", self.impacts.len().into()));
         for (name, count) in [
             ("stolen", self.voices.stolen + self.breaks.stolen),
-            ("not_finite", self.not_finite),
-            ("dropped", self.dropped),
+            ("not_finite", self.not_finite + contacts.not_finite),
+            ("dropped", contacts.dropped),
         ] {
             if count > 0 {
                 summary.push((name, count.into()));
@@ -507,19 +342,18 @@ impl Node for GrainRetarget {
     }
 
     fn adopt(&mut self, old: &mut Self) {
-        if self.digest != old.digest || self.ranges != old.ranges {
+        if self.digest != old.digest {
             return;
         }
         if self.impacts.len() == old.impacts.len() {
             self.voices.take_state(&old.voices);
             self.breaks.take_state(&old.breaks);
         }
-        self.pairs.clear();
-        self.pairs.extend(old.pairs.iter().take(self.params.voices.into()).copied());
-        (self.counts, self.not_finite, self.dropped) = (old.counts, old.not_finite, old.dropped);
+        self.contacts.take_state(&old.contacts);
+        (self.impact_count, self.not_finite) = (old.impact_count, old.not_finite);
     }
 
-    archive_state!(voices, breaks, pairs, counts, not_finite, dropped);
+    archive_state!(voices, breaks, contacts, impact_count, not_finite);
 
     fn trial(rng: &mut Rng) -> (GrainRetargetParams, MemoryFiles) {
         let params = GrainRetargetParams {

@@ -1,6 +1,7 @@
 //! Sounds of grains: from patterns, and from contacts.
 
 mod chain;
+mod contact_pairs;
 pub mod grain_retarget;
 mod impact_voices;
 pub mod pattern_resynth;
@@ -12,6 +13,7 @@ mod selection;
 mod walk;
 
 pub use chain::{Chain, ChainRules};
+pub use contact_pairs::ContactPairs;
 pub use impact_voices::ImpactVoices;
 pub use repertoire::{ContactSound, ImpactSound, RepertoireRules, contact_sounds, impact_sounds, sources_of};
 pub use segment::{Fade, GrainSegment, GrainStep, join, segments, single};

@@ -1,7 +1,7 @@
 //! The node `PatternResynth`.
 
 use super::segment::{GrainSegment, segments};
-use super::selection::patterns_of;
+use super::selection::{check_patterns, check_rate, patterns_of};
 use super::walk::{GapRule, walk};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -78,16 +78,6 @@ pub struct PatternResynth {
     longest: i64,
 }
 
-/// Checks that a dictionary has the rate of an output.
-pub(super) fn check_rate(dictionary: &GrainDictionary, rate: Rate) -> Result<(), Fault> {
-    if (dictionary.rate - rate.as_f64()).abs() < 1e-9 {
-        return Ok(());
-    }
-    let message = format!("the grains have {} Hz, `rate` is {} Hz", dictionary.rate, rate.as_f64());
-    let help = "set `rate` to that of the grains, or `rate` of GrainRecordings to this one";
-    Err(Fault::new("F150", message).at("rate").help(help))
-}
-
 impl PatternResynth {
     fn level(&self, component: Component) -> f32 {
         let db = match component {
@@ -116,7 +106,7 @@ impl Node for PatternResynth {
         let dictionary = cx.value(PatternResynthPorts::dictionary);
         let patterns = cx.value(PatternResynthPorts::patterns);
         check_rate(&dictionary, p.rate)?;
-        patterns.validate(&dictionary).map_err(|e| Fault::new("F151", e.to_string()).at("patterns"))?;
+        check_patterns(&patterns, &dictionary)?;
         let found = patterns_of(&patterns, &p.recording.0)?;
         let mut parts = Vec::with_capacity(found.len());
         for pattern in &found {

@@ -1,6 +1,7 @@
 //! The node `PatternTimescale`.
 
 use super::segment::GrainStep;
+use super::selection::check_patterns;
 use super::walk::time_scaled;
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
@@ -78,7 +79,7 @@ impl Func for PatternTimescale {
         mut io: PatternTimescaleIo<'_>,
     ) -> Result<Summary, Fault> {
         let (patterns, dictionary) = (io.patterns, io.dictionary);
-        patterns.validate(dictionary).map_err(|e| Fault::new("F151", e.to_string()).at("patterns"))?;
+        check_patterns(patterns, dictionary)?;
         let scale = |pattern: &Pattern| {
             let steps = time_scaled(pattern, dictionary, p.factor);
             let frames = (pattern.frames as f64 * p.factor).round() as u64;

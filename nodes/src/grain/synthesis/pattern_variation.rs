@@ -1,6 +1,7 @@
 //! The node `PatternVariation`.
 
 use super::pattern_timescale::{frames_of, sequence};
+use super::selection::check_patterns;
 use super::walk::{VariationRules, varied};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
@@ -77,7 +78,7 @@ impl Func for PatternVariation {
         mut io: PatternVariationIo<'_>,
     ) -> Result<Summary, Fault> {
         let (patterns, dictionary) = (io.patterns, io.dictionary);
-        patterns.validate(dictionary).map_err(|e| Fault::new("F151", e.to_string()).at("patterns"))?;
+        check_patterns(patterns, dictionary)?;
         let rules = VariationRules {
             among: p.among,
             temperature: (p.choice == VariationChoice::Softmax).then_some(p.temperature),

@@ -10,8 +10,6 @@ use crate::grain::recording::{Component, SourceKind, matching_tags};
 /// The sound of an impact, in order of time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImpactSound {
-    /// Index of the recording among those of the tags.
-    pub source: u32,
     /// Segments, with gains that give all sounds of the tags their common energy.
     pub segments: Vec<GrainSegment>,
     /// Frames from the beginning of the first segment to the end of the last.
@@ -147,7 +145,7 @@ pub fn impact_sounds(
                 continue;
             }
             let frames = all.iter().map(GrainSegment::end).max().unwrap_or(0);
-            sounds.push(ImpactSound { source: k as u32, segments: all, frames });
+            sounds.push(ImpactSound { segments: all, frames });
             shapes.push(shape);
             energies.push(energy);
         }

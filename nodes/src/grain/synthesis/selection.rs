@@ -1,7 +1,9 @@
 //! The patterns of one recording, and sources by tags.
 
 use crate::core::fault::Fault;
+use crate::core::time::Rate;
 use crate::grain::correlation::{CorrelationPatterns, Pattern};
+use crate::grain::dictionary::GrainDictionary;
 
 /// Returns the patterns of a recording: of the first one whose file name contains `name`, or of the first of all.
 ///
@@ -23,4 +25,25 @@ pub(super) fn patterns_of<'a>(
             .help(format!("there are {}", names.join(", "))));
     };
     Ok(patterns.patterns.iter().filter(|p| p.name == found).collect())
+}
+
+/// Checks that patterns are valid and belong to a dictionary.
+///
+/// # Errors
+/// The first thing found.
+pub(super) fn check_patterns(
+    patterns: &CorrelationPatterns,
+    dictionary: &GrainDictionary,
+) -> Result<(), Fault> {
+    patterns.validate(dictionary).map_err(|e| Fault::new("F151", e.to_string()).at("patterns"))
+}
+
+/// Checks that a dictionary has the rate of an output.
+pub(super) fn check_rate(dictionary: &GrainDictionary, rate: Rate) -> Result<(), Fault> {
+    if (dictionary.rate - rate.as_f64()).abs() < 1e-9 {
+        return Ok(());
+    }
+    let message = format!("the grains have {} Hz, `rate` is {} Hz", dictionary.rate, rate.as_f64());
+    let help = "set `rate` to that of the grains, or `rate` of GrainRecordings to this one";
+    Err(Fault::new("F150", message).at("rate").help(help))
 }

@@ -64,7 +64,7 @@ fn quiet_grains_are_discarded_and_counted() {
     assert_eq!(dictionary.runs.len(), 2);
     let (all, found) = extract(&recordings(vec![x]), &rules());
     assert_eq!((found[0].discarded[0], all.runs.len()), (0, 1));
-    // The same at any gain.
+    // Silence has no grain.
     assert!(extract(&recordings(vec![vec![0.0; 5000]]), &rules()).0.validate().is_err());
 }
 

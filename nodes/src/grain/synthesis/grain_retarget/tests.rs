@@ -4,8 +4,9 @@ use crate::core::item::{AnyValue, Event};
 use crate::core::standalone::Standalone;
 use crate::grain::correlation::{CorrelateRules, correlate};
 use crate::grain::dictionary::{ExtractRules, extract};
-use crate::grain::recording::{GrainRecording, GrainRecordings, Part};
+use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
 use crate::modal::Body;
+use crate::rigid::State;
 use std::f64::consts::TAU;
 
 const RATE: f64 = 16_000.0;
