@@ -33,6 +33,9 @@ use crate::grain::correlation::grain_correlate::GrainCorrelate;
 use crate::grain::dictionary::grain_dictionary::GrainDictionaryNode;
 use crate::grain::dictionary::grain_dictionary_file::GrainDictionaryFile;
 use crate::grain::recording::grain_recordings::GrainRecordingsNode;
+use crate::grain::reduction::grain_cluster::GrainCluster;
+use crate::grain::reduction::grain_compression::GrainCompression;
+use crate::grain::reduction::grain_subset::GrainSubset;
 use crate::grain::synthesis::grain_retarget::GrainRetarget;
 use crate::grain::synthesis::pattern_resynth::PatternResynth;
 use crate::grain::synthesis::pattern_timescale::PatternTimescale;
@@ -308,6 +311,9 @@ impl Registry {
             .with_func::<GrainDictionaryNode>()
             .with_func::<GrainDictionaryFile>()
             .with_func::<GrainCorrelate>()
+            .with_func::<GrainCluster>()
+            .with_func::<GrainSubset>()
+            .with_func::<GrainCompression>()
             .with_func::<CorrelationPatternsFile>()
             .with::<GrainRetarget>()
             .with::<PatternResynth>()

@@ -1,12 +1,13 @@
 //! Grains: short pieces of recordings that follow a simulation.
 //!
 //! In the order of the data: [`recording`] reads recordings with what is known of them, [`segmentation`] cuts them at inflections of their
-//! spectral flux, [`dictionary`] stores the grains, [`correlation`] finds where each grain occurs in each recording, and [`synthesis`]
-//! plays patterns of grains, and grains that follow contacts.
+//! spectral flux, [`dictionary`] stores the grains, [`correlation`] finds where each grain occurs in each recording, [`reduction`] makes
+//! dictionaries smaller, and [`synthesis`] plays patterns of grains, and grains that follow contacts.
 
 pub mod correlation;
 pub mod dictionary;
 pub mod recording;
+pub mod reduction;
 pub mod segmentation;
 pub mod sinusoid;
 pub mod synthesis;

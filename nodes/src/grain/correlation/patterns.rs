@@ -146,6 +146,17 @@ pub enum PatternError {
 }
 
 impl CorrelationPatterns {
+    /// No patterns of a dictionary.
+    #[must_use]
+    pub fn none(dictionary: &GrainDictionary) -> Self {
+        Self {
+            version: PATTERNS_VERSION,
+            rate: dictionary.rate,
+            dictionary: dictionary.id(),
+            patterns: Vec::new(),
+        }
+    }
+
     /// Checks that the patterns are valid and belong to a dictionary.
     ///
     /// # Errors

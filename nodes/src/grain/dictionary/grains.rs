@@ -188,10 +188,16 @@ impl GrainDictionary {
         self.samples.get(start..start + frames).unwrap_or_default()
     }
 
+    /// Channels of a grain.
+    #[must_use]
+    pub fn channels(&self, grain: &Grain) -> usize {
+        self.runs.get(grain.run as usize).map_or(1, |run| usize::from(run.channels).max(1))
+    }
+
     /// The windowed grain, channels averaged.
     #[must_use]
     pub fn windowed(&self, grain: &Grain) -> Vec<f32> {
-        let channels = self.runs.get(grain.run as usize).map_or(1, |run| usize::from(run.channels).max(1));
+        let channels = self.channels(grain);
         let mut mono = vec![0.0_f64; grain.window_len()];
         for channel in 0..channels {
             let samples = self.run(grain.run, channel).get(grain.span()).unwrap_or_default();
@@ -200,6 +206,14 @@ impl GrainDictionary {
         let window = self.window(grain);
         let scale = f64::from(grain.gain) / channels as f64;
         mono.iter().zip(window).map(|(x, w)| (w * x * scale) as f32).collect()
+    }
+
+    /// One channel of the windowed grain.
+    #[must_use]
+    pub fn windowed_channel(&self, grain: &Grain, channel: usize) -> Vec<f32> {
+        let samples = self.run(grain.run, channel).get(grain.span()).unwrap_or_default();
+        let window = self.window(grain);
+        samples.iter().zip(window).map(|(x, w)| (w * f64::from(*x) * f64::from(grain.gain)) as f32).collect()
     }
 
     /// The window of a grain.

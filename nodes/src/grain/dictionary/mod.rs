@@ -5,8 +5,10 @@ mod file;
 pub mod grain_dictionary;
 pub mod grain_dictionary_file;
 mod grains;
+mod subset;
 mod taper;
 
 pub use extraction::{ExtractRules, TaperPlacement, extract};
 pub use grains::{BYTES_PER_GRAIN, GRAINS_VERSION, Grain, GrainDictionary, GrainError, GrainSource, Run};
+pub(crate) use subset::needed;
 pub use taper::TaperShape;

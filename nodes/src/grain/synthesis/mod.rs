@@ -16,5 +16,6 @@ pub use chain::{Chain, ChainRules};
 pub use contact_pairs::ContactPairs;
 pub use impact_voices::ImpactVoices;
 pub use repertoire::{ContactSound, ImpactSound, RepertoireRules, contact_sounds, impact_sounds, sources_of};
-pub use segment::{Fade, GrainSegment, GrainStep, join, segments, single};
-pub use walk::{GapRule, VariationRules, onset_steps, time_scaled, varied, walk};
+pub use segment::{Fade, FadeShape, GrainSegment, GrainStep, join, segments, single, sound_of};
+pub use walk::{GapRule, VariationRules, frames_of, onset_steps, sequence, time_scaled, varied, walk};
+pub(crate) use selection::check_patterns;

@@ -1,15 +1,14 @@
 //! The node `PatternTimescale`.
 
-use super::segment::GrainStep;
 use super::selection::check_patterns;
-use super::walk::time_scaled;
+use super::walk::{frames_of, sequence, time_scaled};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
-use crate::grain::correlation::{CorrelationPatterns, Pattern, Peak};
+use crate::grain::correlation::{CorrelationPatterns, Pattern};
 use crate::grain::dictionary::GrainDictionary;
 use crate::{params, ports};
 
@@ -44,29 +43,6 @@ ports! {
 /// The node over [`time_scaled`].
 #[derive(Debug)]
 pub struct PatternTimescale;
-
-/// A pattern whose peaks are the grains of a sound.
-pub(super) fn sequence(pattern: &Pattern, steps: &[GrainStep], frames: u64) -> Pattern {
-    let peak = |step: &GrainStep| Peak {
-        t: step.t.max(0) as u32,
-        grain: step.grain,
-        correlation: 1.0,
-        gain: step.gain.abs(),
-        negative: step.gain < 0.0,
-    };
-    let mut peaks: Vec<Peak> = steps.iter().map(peak).collect();
-    peaks.sort_by_key(|peak| peak.t);
-    Pattern { frames, is_sequence: true, peaks, ..pattern.clone() }
-}
-
-/// Frames after the last grain of some steps, at least `frames`.
-pub(super) fn frames_of(dictionary: &GrainDictionary, steps: &[GrainStep], frames: u64) -> u64 {
-    let end = |step: &GrainStep| {
-        let len = dictionary.grains.get(step.grain as usize).map_or(0, |grain| grain.window_len());
-        step.t.max(0) as u64 + len as u64
-    };
-    steps.iter().map(end).max().unwrap_or(0).max(frames)
-}
 
 impl Func for PatternTimescale {
     type Params = PatternTimescaleParams;

@@ -1,8 +1,7 @@
 //! The node `PatternVariation`.
 
-use super::pattern_timescale::{frames_of, sequence};
 use super::selection::check_patterns;
-use super::walk::{VariationRules, varied};
+use super::walk::{VariationRules, frames_of, sequence, varied};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};

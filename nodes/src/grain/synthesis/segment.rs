@@ -3,17 +3,28 @@
 use crate::grain::dictionary::{Grain, GrainDictionary};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
+use std::ops::Range;
 
 /// Shortest fade between grains that were not neighbours, s.
 const SHORTEST_FADE: f64 = 0.002;
+
+/// Shape of a fade.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum FadeShape {
+    /// A raised cosine at half samples: the taper of a grain.
+    #[default]
+    RaisedCosine,
+    /// With its counterpart it maintains the power of two sounds of this correlation, 0 to 1: sine and cosine at 0, and a constant sum at 1.
+    EqualPower(f32),
+}
 
 /// A fade at an end of a segment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fade {
     /// Samples of the fade.
     pub len: u32,
-    /// Equal power, for sounds that are not correlated; else a raised cosine at half samples, for neighbours.
-    pub equal_power: bool,
+    /// Its shape.
+    pub shape: FadeShape,
 }
 
 impl Fade {
@@ -22,11 +33,14 @@ impl Fade {
     fn at(self, i: f64) -> f64 {
         let x = (i + 0.5) / f64::from(self.len.max(1));
         if i >= f64::from(self.len) {
-            1.0
-        } else if self.equal_power {
-            (FRAC_PI_2 * x).sin()
-        } else {
-            0.5 - 0.5 * (2.0 * FRAC_PI_2 * x).cos()
+            return 1.0;
+        }
+        match self.shape {
+            FadeShape::RaisedCosine => 0.5 - 0.5 * (2.0 * FRAC_PI_2 * x).cos(),
+            FadeShape::EqualPower(correlation) => {
+                let (sin, cos) = (FRAC_PI_2 * x).sin_cos();
+                sin / (1.0 + 2.0 * f64::from(correlation) * sin * cos).sqrt()
+            }
         }
     }
 }
@@ -143,7 +157,7 @@ pub struct GrainStep {
 #[must_use]
 pub fn single(dictionary: &GrainDictionary, step: &GrainStep) -> Option<GrainSegment> {
     let grain = dictionary.grains.get(step.grain as usize)?;
-    let [fade_in, fade_out] = grain.taper.map(|len| Fade { len: len.into(), equal_power: false });
+    let [fade_in, fade_out] = grain.taper.map(|len| Fade { len: len.into(), ..Fade::default() });
     Some(GrainSegment {
         grain: step.grain,
         run: grain.run,
@@ -158,9 +172,9 @@ pub fn single(dictionary: &GrainDictionary, step: &GrainStep) -> Option<GrainSeg
 
 /// Joins two successive segments of grains.
 ///
-/// Neighbours at their distance in the recording overlap in their common taper, and join without a trace. Others are faded over with equal
-/// power for at least 2 ms, in the middle of what lies between them, as far as the sound around both reaches; where it does not, a gap
-/// remains.
+/// Neighbours at their distance in the recording overlap in their common taper, and join without a trace. Others are faded over for at
+/// least 2 ms, in the middle of what lies between them, as far as the sound around both reaches; where it does not, a gap remains. The fade
+/// maintains the power for the correlation of both sounds within it: grains that stand for neighbours sum up to the same level.
 pub fn join(dictionary: &GrainDictionary, before: &mut GrainSegment, after: &mut GrainSegment) {
     let (Some(a), Some(b)) =
         (dictionary.grains.get(before.grain as usize), dictionary.grains.get(after.grain as usize))
@@ -196,13 +210,40 @@ pub fn join(dictionary: &GrainDictionary, before: &mut GrainSegment, after: &mut
         high = high.max(low + fade).min(latest);
     }
     if high > low {
-        set_end(before, high, Fade { len: (high - low) as u32, equal_power: true });
-        set_start(after, low, Fade { len: (high - low) as u32, equal_power: true });
+        let correlation = correlation_of(dictionary, before, after, low..high);
+        let fade = Fade { len: (high - low) as u32, shape: FadeShape::EqualPower(correlation) };
+        set_end(before, high, fade);
+        set_start(after, low, fade);
     } else {
         let (end, start) = (latest.min(low.max(before.start + 1)), earliest.max(high.min(after.end() - 1)));
-        set_end(before, end.max(before.start + 1), Fade { len: fade as u32, equal_power: false });
-        set_start(after, start.min(after.end() - 1), Fade { len: fade as u32, equal_power: false });
+        set_end(before, end.max(before.start + 1), Fade { len: fade as u32, ..Fade::default() });
+        set_start(after, start.min(after.end() - 1), Fade { len: fade as u32, ..Fade::default() });
     }
+}
+
+/// Normalised correlation of two segments in a range of frames, 0 to 1; 0 where one of them is played at another speed.
+fn correlation_of(
+    dictionary: &GrainDictionary,
+    before: &GrainSegment,
+    after: &GrainSegment,
+    frames: Range<i64>,
+) -> f32 {
+    if before.ratio != 1.0 || after.ratio != 1.0 {
+        return 0.0;
+    }
+    let samples = |segment: &GrainSegment| -> &[f32] {
+        let from = i64::from(segment.from) + frames.start - segment.start;
+        let run = dictionary.run(segment.run, 0);
+        let from = (from.max(0) as usize).min(run.len());
+        &run[from..run.len().min(from + (frames.end - frames.start).max(0) as usize)]
+    };
+    let (mut product, mut energies) = (0.0_f32, [0.0_f32; 2]);
+    for (x, y) in samples(before).iter().zip(samples(after)) {
+        product += x * y;
+        energies = [energies[0] + x * x, energies[1] + y * y];
+    }
+    let norm = (energies[0] * energies[1]).sqrt();
+    if norm > 0.0 { (product / norm * (before.gain * after.gain).signum()).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 /// Frame at which the windowed grain of a segment begins, whatever was added before it.
@@ -237,6 +278,14 @@ pub fn segments(dictionary: &GrainDictionary, steps: &[GrainStep]) -> Vec<GrainS
         all.push(next);
     }
     all
+}
+
+/// The sound of grains in order of time, joined, with all channels averaged.
+#[must_use]
+pub fn sound_of(dictionary: &GrainDictionary, steps: &[GrainStep], frames: usize) -> Vec<f32> {
+    let mut out = vec![0.0; frames];
+    segments(dictionary, steps).iter().for_each(|segment| segment.add(dictionary, 0, 1, &mut out));
+    out
 }
 
 #[cfg(test)]
@@ -276,18 +325,20 @@ mod tests {
     }
 
     #[test]
-    fn strangers_are_faded_over_with_equal_power() {
+    fn others_are_faded_over_with_equal_power() {
         let dictionary = trial_dictionary();
         let second = dictionary.grains.iter().position(|g| g.source == 1).unwrap() + 1;
         let a = dictionary.grains[1].window_len() as i64;
         for apart in [-3, 0, 20] {
             let all = segments(&dictionary, &[step(1, 0), step(second, a + apart)]);
             let [fade_out, fade_in] = [all[0].fades[1], all[1].fades[0]];
-            assert!(fade_out.equal_power && fade_out == fade_in && fade_in.len >= 16, "{all:?}");
+            let FadeShape::EqualPower(correlation) = fade_in.shape else { panic!("{all:?}") };
+            assert!(fade_out == fade_in && fade_in.len >= 16, "{all:?}");
             assert_eq!(all[0].end() - i64::from(fade_out.len), all[1].start);
             for i in 0..fade_in.len {
                 let (x, y) = (fade_in.at(f64::from(i)), fade_out.at(f64::from(fade_out.len - 1 - i)));
-                assert!((x * x + y * y - 1.0).abs() < 1e-9);
+                let power = x * x + y * y + 2.0 * f64::from(correlation) * x * y;
+                assert!((power - 1.0).abs() < 1e-9);
             }
         }
         // Too far apart for what is stored around both: a gap.
@@ -295,6 +346,29 @@ mod tests {
         let apart = dictionary.grains[last].window_len() as i64 + 400;
         let all = segments(&dictionary, &[step(last, 0), step(first, apart)]);
         assert!(all[0].end() < all[1].start);
+    }
+
+    #[test]
+    fn a_copy_in_place_of_a_neighbour_joins_without_a_bump() {
+        let mut dictionary = trial_dictionary();
+        // The grain after the first one, with the same sound around it, in a run of its own.
+        let (first, second) = (dictionary.grains[0], dictionary.grains[1]);
+        let run = dictionary.runs[first.run as usize];
+        let samples = dictionary.run(first.run, 0).to_vec();
+        dictionary.runs.push(crate::grain::dictionary::Run { offset: dictionary.samples.len() as u64, ..run });
+        dictionary.samples.extend(samples);
+        let index = dictionary.runs.len() as u32 - 1;
+        dictionary.grains.push(Grain { run: index, ..second });
+        let copy = dictionary.len() - 1;
+        let [a, b] = [&first, &second].map(|g| g.window_start() as i64);
+        let play = |index: usize| {
+            let all = segments(&dictionary, &[step(0, a), step(index, b)]);
+            let end = all[1].end() as usize;
+            render(&dictionary, &all, end, end)
+        };
+        let (own, copied) = (play(1), play(copy));
+        assert!(own.iter().zip(&copied).all(|(x, y)| (x - y).abs() < 1e-6));
+        assert!(!GrainDictionary::are_neighbours(&first, &dictionary.grains[copy]));
     }
 
     #[test]

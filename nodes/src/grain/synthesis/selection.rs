@@ -31,7 +31,7 @@ pub(super) fn patterns_of<'a>(
 ///
 /// # Errors
 /// The first thing found.
-pub(super) fn check_patterns(
+pub(crate) fn check_patterns(
     patterns: &CorrelationPatterns,
     dictionary: &GrainDictionary,
 ) -> Result<(), Fault> {

@@ -78,6 +78,31 @@ pub fn walk(pattern: &Pattern, dictionary: &GrainDictionary, gap: GapRule) -> Ve
     steps
 }
 
+/// A pattern whose peaks are the grains of a sound.
+#[must_use]
+pub fn sequence(pattern: &Pattern, steps: &[GrainStep], frames: u64) -> Pattern {
+    let peak = |step: &GrainStep| Peak {
+        t: step.t.max(0) as u32,
+        grain: step.grain,
+        correlation: 1.0,
+        gain: step.gain.abs(),
+        negative: step.gain < 0.0,
+    };
+    let mut peaks: Vec<Peak> = steps.iter().map(peak).collect();
+    peaks.sort_by_key(|peak| peak.t);
+    Pattern { frames, is_sequence: true, peaks, ..pattern.clone() }
+}
+
+/// Frames after the last grain of some steps, at least `frames`.
+#[must_use]
+pub fn frames_of(dictionary: &GrainDictionary, steps: &[GrainStep], frames: u64) -> u64 {
+    let end = |step: &GrainStep| {
+        let len = dictionary.grains.get(step.grain as usize).map_or(0, |grain| grain.window_len());
+        step.t.max(0) as u64 + len as u64
+    };
+    steps.iter().map(end).max().unwrap_or(0).max(frames)
+}
+
 /// Rise of the power of a grain over that of the one before that makes an onset: 6 dB.
 const ONSET: f64 = 4.0;
 

@@ -1,4 +1,4 @@
-use super::super::segment::segments;
+use super::super::segment::sound_of;
 use super::*;
 use crate::core::random::{Random, Rng};
 use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, Retention, correlate};
@@ -33,12 +33,6 @@ fn all_of(sounds: Vec<Vec<f32>>, compact: bool, retain: Retention) -> (GrainDict
     (dictionary, patterns)
 }
 
-fn render(dictionary: &GrainDictionary, steps: &[GrainStep], n: usize) -> Vec<f32> {
-    let mut out = vec![0.0; n];
-    segments(dictionary, steps).iter().for_each(|s| s.add(dictionary, 0, 1, &mut out));
-    out
-}
-
 fn snr(x: &[f32], y: &[f32]) -> f64 {
     let energy = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>();
     let signal = energy(&mut x.iter().map(|x| f64::from(*x)));
@@ -57,7 +51,7 @@ fn a_recording_of_the_dictionary_comes_back() {
         let own: Vec<(u32, i64)> =
             dictionary.grains.iter().zip(0..).map(|(g, k)| (k, g.window_start() as i64)).collect();
         assert_eq!(steps.iter().map(|s| (s.grain, s.t)).collect::<Vec<_>>(), own);
-        let y = render(&dictionary, &steps, x.len());
+        let y = sound_of(&dictionary, &steps, x.len());
         // Gains are stored in steps of 1/256 dB; the ends are tapered.
         let inner = 100..x.len() - 100;
         let found = snr(&x[inner.clone()], &y[inner]);
@@ -70,7 +64,7 @@ fn the_walk_leaves_few_gaps_with_few_peaks() {
     let x = knocks(40_000, 2);
     let (dictionary, patterns) = all_of(vec![x.clone(), knocks(30_000, 3)], true, Retention::PerInterval(4));
     let steps = walk(&patterns.patterns[0], &dictionary, GapRule::Extend);
-    let y = render(&dictionary, &steps, x.len());
+    let y = sound_of(&dictionary, &steps, x.len());
     let silent = y.chunks(64).filter(|part| part.iter().all(|y| *y == 0.0)).count();
     assert!(silent * 50 <= y.len() / 64, "{silent}");
     // A recording of half the level has the same grains at half their gains.

@@ -1,0 +1,18 @@
+//! Dictionaries of fewer grains: clusters of similar grains, grains under a budget, and what both cost.
+
+mod clusters;
+mod compression;
+mod distortion;
+pub mod grain_cluster;
+pub mod grain_compression;
+pub mod grain_subset;
+mod similarity;
+mod subset;
+#[cfg(test)]
+mod testing;
+
+pub use clusters::{Reduced, Substitute, merged, substitutes};
+pub use compression::{CompressionRules, compression_table};
+pub use distortion::Distortion;
+pub use similarity::{SimilarPair, norms, similar_pairs};
+pub use subset::{reduced, retained_grains};
