@@ -35,8 +35,8 @@ pub struct ExtractRules {
     pub discard: [f64; 2],
     /// Samples stored at both ends of a run of grains, for joins.
     pub margin: usize,
-    /// Store samples with 16 bits.
-    pub compact: bool,
+    /// Bits of the samples, each grain scaled to its own peak; 0 for 32-bit floats.
+    pub bits: u16,
 }
 
 impl ExtractRules {
@@ -50,7 +50,7 @@ impl ExtractRules {
             placement: TaperPlacement::Outside,
             discard: [-50.0, -70.0],
             margin: (0.005 * rate).round() as usize,
-            compact: true,
+            bits: 16,
         }
     }
 }
@@ -216,15 +216,15 @@ pub fn extract(recordings: &GrainRecordings, rules: &ExtractRules) -> (GrainDict
         version: GRAINS_VERSION,
         rate: recordings.rate,
         symmetric_tapers: rules.shape == TaperShape::Symmetric,
-        compact: false,
+        bits: 0,
         sources: parts.iter().map(source).collect(),
         grains,
         runs,
         steps: Vec::new(),
         samples,
     };
-    if rules.compact {
-        dictionary.make_compact();
+    if rules.bits > 0 {
+        dictionary.quantise(rules.bits);
         let powers: Vec<f32> =
             dictionary.grains.iter().map(|g| mean_square(&dictionary.windowed(g))).collect();
         dictionary.grains.iter_mut().zip(powers).for_each(|(grain, power)| grain.power = power);

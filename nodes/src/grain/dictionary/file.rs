@@ -1,5 +1,6 @@
 //! The file of a grain dictionary.
 
+use super::coding::{Coding, DENSEST, decode, flac};
 use super::grains::{GRAINS_VERSION, GrainDictionary, GrainError};
 use crate::artefact::sealed::{seal, unseal};
 use crate::artefact::value_file::Artefact;
@@ -9,7 +10,8 @@ use crate::core::node::Summary;
 const MAGIC: &[u8] = b"foley:FGRN\n";
 
 impl GrainDictionary {
-    /// The dictionary as one file: a signature, the version, a digest, the fields, and the samples with 16 or 32 bits.
+    /// The dictionary as one file: a signature, the version, a digest, the fields, and the samples as 32-bit floats, or as integers of up to 16
+    /// bits in a FLAC stream.
     ///
     /// # Errors
     /// When it cannot be encoded.
@@ -17,15 +19,22 @@ impl GrainDictionary {
         let fields = postcard::to_allocvec(&self.clone_without_samples()).map_err(|e| e.to_string())?;
         let mut body = (fields.len() as u64).to_le_bytes().to_vec();
         body.extend(&fields);
-        if self.compact {
-            for (span, step) in self.steps_of_samples() {
-                let scale = |x: f32| {
-                    if step > 0.0 { (x / step).round().clamp(-32_767.0, 32_767.0) as i16 } else { 0 }
-                };
-                self.samples[span].iter().for_each(|x| body.extend(scale(*x).to_le_bytes()));
-            }
-        } else {
+        if self.bits == 0 {
+            body.push(Coding::Float as u8);
             self.samples.iter().for_each(|x| body.extend(x.to_le_bytes()));
+            return Ok(seal(MAGIC, self.version, &body));
+        }
+        let mut integers = vec![0_i16; self.samples.len()];
+        for (span, step) in self.steps_of_samples().into_iter().filter(|(_, step)| *step > 0.0) {
+            let scaled = |x: &f32| (x / step).round().clamp(-32_767.0, 32_767.0) as i16;
+            integers[span.clone()].iter_mut().zip(&self.samples[span]).for_each(|(y, x)| *y = scaled(x));
+        }
+        if let Some(stream) = flac(&integers) {
+            body.push(Coding::Flac as u8);
+            body.extend(stream);
+        } else {
+            body.push(Coding::Integer as u8);
+            integers.iter().for_each(|x| body.extend(x.to_le_bytes()));
         }
         Ok(seal(MAGIC, self.version, &body))
     }
@@ -70,29 +79,38 @@ impl GrainDictionary {
         let (fields, samples) = rest.split_at_checked(len).ok_or_else(short)?;
         let mut all: Self =
             postcard::from_bytes(fields).map_err(|e| format!("the grain dictionary is damaged: {e}"))?;
-        let width = if all.compact { 2 } else { 4 };
+        let damaged = |what: String| format!("the grain dictionary is damaged: {what}");
+        let (coding, samples) = samples.split_first().ok_or_else(short)?;
+        let coding = Coding::of(*coding).ok_or_else(|| damaged(format!("coding {coding}")))?;
+        if (coding == Coding::Float) != (all.bits == 0) {
+            return Err(damaged(format!("samples of {} bits coded as {coding:?}", all.bits)));
+        }
         let wanted = all.runs.iter().map(|r| u64::from(r.frames) * u64::from(r.channels)).sum::<u64>();
-        if samples.len() as u64 != wanted * width {
-            return Err(format!(
-                "the grain dictionary is damaged: {} bytes of samples; {} are needed",
-                samples.len(),
-                wanted * width
-            ));
+        let bytes = samples.len() as u64;
+        let fits = match coding {
+            Coding::Float => bytes == 4 * wanted,
+            Coding::Integer => bytes == 2 * wanted,
+            Coding::Flac => wanted <= DENSEST * bytes,
+        };
+        if !fits {
+            return Err(damaged(format!("{bytes} bytes for {wanted} samples")));
         }
         all.samples = vec![0.0; wanted as usize];
         // Spans of samples are those of valid fields only.
         all.validate().map_err(|e| e.to_string())?;
-        if all.compact {
-            for (span, step) in all.steps_of_samples() {
-                let bytes = samples.get(2 * span.start..2 * span.end).unwrap_or_default();
-                let values =
-                    bytes.chunks_exact(2).map(|b| f32::from(i16::from_le_bytes([b[0], b[1]])) * step);
-                let into = all.samples.get_mut(span).into_iter().flatten();
-                into.zip(values).for_each(|(x, value)| *x = value);
-            }
-        } else {
+        if coding == Coding::Float {
             let values = samples.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
             all.samples.iter_mut().zip(values).for_each(|(x, value)| *x = value);
+        } else {
+            let integers: Vec<i16> = match coding {
+                Coding::Flac => decode(samples, wanted as usize).map_err(damaged)?,
+                _ => samples.chunks_exact(2).map(|b| i16::from_le_bytes([b[0], b[1]])).collect(),
+            };
+            for (span, step) in all.steps_of_samples() {
+                let values = integers.get(span.clone()).into_iter().flatten();
+                let into = all.samples.get_mut(span).into_iter().flatten();
+                into.zip(values).for_each(|(x, value)| *x = f32::from(*value) * step);
+            }
         }
         all.validate().map_err(|e| e.to_string())?;
         Ok(all)
@@ -121,10 +139,14 @@ mod tests {
 
     #[test]
     fn files_return_the_same_dictionary_and_its_digest() {
-        let compact = GrainDictionary::trial(&mut Rng::new(3));
-        let mut exact = GrainDictionary { compact: false, ..compact.clone() };
+        let rounded = GrainDictionary::trial(&mut Rng::new(3));
+        let mut exact = GrainDictionary { bits: 0, ..rounded.clone() };
         exact.steps.clear();
-        for dictionary in [compact, exact] {
+        let mut coarse = rounded.clone();
+        coarse.quantise(6);
+        let size = |dictionary: &GrainDictionary| dictionary.to_bytes().unwrap().len();
+        assert!(2 * size(&coarse) < size(&rounded) && size(&rounded) < size(&exact));
+        for dictionary in [rounded, exact, coarse] {
             let bytes = dictionary.to_bytes().unwrap();
             let read = GrainDictionary::from_bytes(&bytes).unwrap();
             assert_eq!(read, dictionary);

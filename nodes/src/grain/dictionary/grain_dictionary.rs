@@ -53,8 +53,9 @@ params! {
         discard: [f64; 2] = [-50.0, -70.0], unit "dB", range -300.0..=0.0;
         /// Sound stored beyond the ends of grains without neighbours, for joins.
         margin: f64 = 0.005, unit "s", range 0.0..=0.1;
-        /// Store samples with 16 bits, each grain scaled to its own peak, in place of 32.
-        compact: bool = true;
+        /// Bits of the samples, each grain scaled to its own peak; None for 32-bit floats. Files are coded as FLAC, so that fewer bits take
+        /// fewer bytes.
+        bits: Option<u32> = Some(16), unit "bits", range 4..=16_u32;
     }
 }
 ports! {
@@ -98,7 +99,7 @@ impl GrainDictionaryParams {
             placement: self.placement,
             discard: self.discard,
             margin: samples(self.margin),
-            compact: self.compact,
+            bits: self.bits.map_or(0, |bits| bits as u16),
         }
     }
 }

@@ -10,7 +10,7 @@ use std::ops::Range;
 use thiserror::Error;
 
 /// Version of the format of [`GrainDictionary`].
-pub const GRAINS_VERSION: u32 = 1;
+pub const GRAINS_VERSION: u32 = 2;
 /// Bytes of a grain beside its samples, as in the budget of a game.
 pub const BYTES_PER_GRAIN: usize = 48;
 
@@ -103,15 +103,15 @@ pub struct GrainDictionary {
     pub rate: f64,
     /// True if the tapers are those of the usual Tukey window, in place of raised cosines at half samples.
     pub symmetric_tapers: bool,
-    /// True if samples are stored with 16 bits, each grain scaled to its own peak.
-    pub compact: bool,
+    /// Bits of the samples, 4 to 16, each grain scaled to its own peak; 0 for 32-bit floats.
+    pub bits: u16,
     /// Components of the recordings.
     pub sources: Vec<GrainSource>,
     /// The grains, by source and time.
     pub grains: Vec<Grain>,
     /// Runs of samples.
     pub runs: Vec<Run>,
-    /// Step of the samples of each block: for each run, its margins and its grains in order.
+    /// Step of the samples of each block, with `bits`: for each run, its margins and its grains in order.
     pub steps: Vec<f32>,
     /// All samples.
     pub samples: Vec<f32>,
@@ -236,10 +236,10 @@ impl GrainDictionary {
         a.run == b.run && a.position + a.len == b.position
     }
 
-    /// Bytes of the dictionary in memory: samples with 2 or 4 bytes, and 48 bytes for each grain.
+    /// Bytes of the dictionary without coding: samples with 2 or 4 bytes, and 48 bytes for each grain.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.samples.len() * if self.compact { 2 } else { 4 } + BYTES_PER_GRAIN * self.grains.len()
+        self.samples.len() * self.sample_bytes() + BYTES_PER_GRAIN * self.grains.len()
     }
 
     /// Median length of the windowed grains, in samples.
@@ -273,10 +273,17 @@ impl GrainDictionary {
         ends.iter().map(|ends| ends.windows(2).map(|w| w[0]..w[1]).collect()).collect()
     }
 
-    /// Rounds all samples to 16 bits, each block scaled to its own peak.
-    pub fn make_compact(&mut self) {
+    /// Bytes of a sample without coding.
+    #[must_use]
+    pub fn sample_bytes(&self) -> usize {
+        if self.bits > 0 { 2 } else { 4 }
+    }
+
+    /// Rounds all samples to a number of bits, 4 to 16, each block scaled to its own peak.
+    pub fn quantise(&mut self, bits: u16) {
         let blocks = self.blocks();
-        self.compact = true;
+        self.bits = bits.clamp(4, 16);
+        let greatest = ((1_u32 << (self.bits - 1)) - 1) as f32;
         self.steps.clear();
         for (run, blocks) in self.runs.iter().zip(blocks) {
             for block in blocks {
@@ -287,11 +294,12 @@ impl GrainDictionary {
                 let spans: Vec<Range<usize>> = spans.collect();
                 let peak =
                     spans.iter().flat_map(|s| &self.samples[s.clone()]).fold(0.0_f32, |p, x| p.max(x.abs()));
-                let step = peak / 32_767.0;
+                let step = peak / greatest;
                 self.steps.push(step);
                 for x in spans.into_iter().flat_map(|s| s.collect::<Vec<_>>()) {
                     let x = &mut self.samples[x];
-                    *x = if step > 0.0 { (*x / step).round() * step } else { 0.0 };
+                    // Zero has one sign, as in files.
+                    *x = if step > 0.0 { (*x / step).round() * step + 0.0 } else { 0.0 };
                 }
             }
         }
@@ -307,6 +315,9 @@ impl GrainDictionary {
         }
         if self.grains.is_empty() {
             return Err(GrainError::Empty);
+        }
+        if self.bits > 16 {
+            return Err(GrainError::Length { what: "bits", found: self.bits.into(), wanted: 16 });
         }
         if !(self.rate.is_finite() && self.rate >= 1.0) {
             return Err(GrainError::NotFinite { what: "the rate", index: 0 });
@@ -353,7 +364,7 @@ impl GrainDictionary {
                 return Err(GrainError::NotFinite { what: "power of grain", index: k });
             }
         }
-        let wanted: usize = if self.compact { self.blocks().iter().map(Vec::len).sum() } else { 0 };
+        let wanted: usize = if self.bits > 0 { self.blocks().iter().map(Vec::len).sum() } else { 0 };
         if self.steps.len() != wanted {
             return Err(GrainError::Length { what: "steps", found: self.steps.len(), wanted });
         }

@@ -72,8 +72,8 @@ impl GrainDictionary {
         subset.grains = grains
             .filter_map(|(grain, to)| to.map(|(run, position)| Grain { run, position, ..*grain }))
             .collect();
-        if self.compact {
-            subset.make_compact();
+        if self.bits > 0 {
+            subset.quantise(self.bits);
         }
         subset
     }

@@ -16,6 +16,8 @@ use rayon::prelude::*;
 /// What is compared.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CompressionRules {
+    /// Numbers of bits of the samples.
+    pub bits: Vec<u32>,
     /// Correlations from which on grains are merged.
     pub merge: Vec<f64>,
     /// Shares of the bytes of the grains that are the budget of a subset.
@@ -99,7 +101,7 @@ fn mean_and_deviation(x: &[f64]) -> [f64; 2] {
     [mean, (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt()]
 }
 
-/// Compares bytes and errors of recordings stored as grains: all grains, grains merged from several correlations on, grains under several
+/// Compares bytes and errors of recordings stored as grains: all grains, grains of fewer bits, grains merged from several correlations on, grains under several
 /// budgets, and random grains under the same budgets.
 ///
 /// Bytes are those of the files; the patterns have the grains of the walk and no others. Errors are those of the sounds of all recordings,
@@ -156,7 +158,7 @@ pub fn compression_table(
         ]
     };
     let figures = |p: &Point| [p.error.segmental_ratio(), p.error.log_spectral_distance()];
-    let steps = (2 + rules.merge.len() + rules.shares.len() * (1 + rules.random_sets)) as f64;
+    let steps = (2 + rules.bits.len() + rules.merge.len() + rules.shares.len() * (1 + rules.random_sets)) as f64;
     let mut done = 0.0;
     let mut curves: Vec<(&str, Vec<[f64; 3]>)> = Vec::new();
     let mut advance = || {
@@ -175,6 +177,14 @@ pub fn compression_table(
     table.push(row("all grains", None, &all, figures(&all), [None; 2]));
     add("all grains", &all, figures(&all));
     advance()?;
+    for bits in &rules.bits {
+        let mut coarse = Reduced { dictionary: dictionary.clone(), patterns: sequences.clone() };
+        coarse.dictionary.quantise(*bits as u16);
+        let point = measure(&originals, &names, &coarse);
+        table.push(row("fewer bits", Some(f64::from(*bits)), &point, figures(&point), [None; 2]));
+        add("fewer bits", &point, figures(&point));
+        advance()?;
+    }
     let (norms, pairs) = (norms(dictionary), similar_pairs(dictionary, rules.neighbours, &|_| stop(0.0))?);
     advance()?;
     for merge in &rules.merge {

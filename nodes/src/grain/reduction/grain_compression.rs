@@ -18,7 +18,7 @@ use crate::{params, ports};
 params! {
     /// Compares the bytes of recordings that are stored as grains with the errors of their sound.
     ///
-    /// The rows are all grains, grains merged from several correlations on as by `GrainCluster`, and grains under several budgets as by
+    /// The rows are all grains, grains of fewer bits, grains merged from several correlations on as by `GrainCluster`, and grains under several budgets as by
     /// `GrainSubset`, with the mean of random grains under the same budgets. Bytes are those of the files of grains and of patterns, which
     /// have the grains of the walk only. Errors are the segmental signal-to-noise ratio, of frames of 20 ms between -10 and 35 dB, and the
     /// log-spectral distance.
@@ -29,6 +29,8 @@ params! {
     /// # Source
     /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 5.1.
     pub struct GrainCompressionParams {
+        /// Numbers of bits of the samples.
+        bits: Vec<u32> = vec![12, 10, 8, 7, 6, 5, 4], unit "bits", range 4..=16_u32;
         /// Correlations from which on grains are merged.
         merge: Vec<f64> = vec![0.999, 0.99, 0.98, 0.95, 0.9, 0.85, 0.8], unit "", range 0.3..=1.0;
         /// Budgets, as shares of the bytes of the grains.
@@ -75,6 +77,7 @@ impl Func for GrainCompression {
         let (recordings, dictionary, patterns) = (io.recordings, io.dictionary, io.patterns);
         check_patterns(patterns, dictionary)?;
         let rules = CompressionRules {
+            bits: p.bits.clone(),
             merge: p.merge.clone(),
             shares: p.shares.clone(),
             random_sets: p.random_sets,
@@ -92,6 +95,7 @@ impl Func for GrainCompression {
     fn trial(rng: &mut Rng) -> (GrainCompressionParams, MemoryFiles) {
         let p = GrainCompressionParams::trial(rng);
         let params = GrainCompressionParams {
+            bits: vec![4 + rng.below(13) as u32],
             merge: vec![rng.between(0.3, 1.0)],
             shares: vec![rng.between(0.3, 1.0)],
             random_sets: 2,

@@ -89,8 +89,7 @@ impl<'a> Bytes<'a> {
         let run = self.dictionary.runs[index];
         let ranges = needed(all.map(|k| &self.dictionary.grains[*k]), self.margin, run.frames as usize);
         let samples: usize = ranges.iter().map(ExactSizeIterator::len).sum();
-        let width = if self.dictionary.compact { 2 } else { 4 };
-        samples * usize::from(run.channels) * width + BYTES_PER_GRAIN * count
+        samples * usize::from(run.channels) * self.dictionary.sample_bytes() + BYTES_PER_GRAIN * count
     }
 
     /// Bytes that a grain adds.

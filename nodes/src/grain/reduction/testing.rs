@@ -29,7 +29,7 @@ pub(super) fn stored(count: u64) -> (GrainRecordings, GrainDictionary, Correlati
         ..GrainRecording::default()
     };
     let all = GrainRecordings { rate: 44_100.0, recordings: (0..count).map(recording).collect() };
-    let (dictionary, _) = extract(&all, &ExtractRules { compact: true, ..ExtractRules::at_rate(44_100.0) });
+    let (dictionary, _) = extract(&all, &ExtractRules::at_rate(44_100.0));
     let patterns = correlate(&all, &dictionary, &CorrelateRules::default(), &|_| false).unwrap();
     (all, dictionary, patterns)
 }

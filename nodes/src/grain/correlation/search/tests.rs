@@ -25,7 +25,7 @@ fn recordings(sounds: Vec<Vec<f32>>) -> GrainRecordings {
 }
 
 fn exact_rules() -> ExtractRules {
-    ExtractRules { compact: false, ..ExtractRules::at_rate(44_100.0) }
+    ExtractRules { bits: 0, ..ExtractRules::at_rate(44_100.0) }
 }
 
 /// All peaks of all grains by the definition, with the greedy choice, and the best of each slot.

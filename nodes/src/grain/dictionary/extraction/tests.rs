@@ -18,7 +18,7 @@ fn recordings(channels: Vec<Vec<f32>>) -> GrainRecordings {
 }
 
 fn rules() -> ExtractRules {
-    ExtractRules { compact: false, discard: [-300.0, -300.0], ..ExtractRules::at_rate(44_100.0) }
+    ExtractRules { bits: 0, discard: [-300.0, -300.0], ..ExtractRules::at_rate(44_100.0) }
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn sixteen_bits_are_enough_for_96_db_of_each_grain() {
     let x = noise(20_000, 4);
     let all = recordings(vec![x.clone(), x.iter().map(|y| 0.3 * y).collect()]);
     let (exact, _) = extract(&all, &rules());
-    let (compact, _) = extract(&all, &ExtractRules { compact: true, ..rules() });
+    let (compact, _) = extract(&all, &ExtractRules { bits: 16, ..rules() });
     assert_eq!((exact.bytes() - 48 * exact.len()) / 2, compact.bytes() - 48 * compact.len());
     let (mut signal, mut noise) = (0.0, 0.0);
     for (a, b) in exact.samples.iter().zip(&compact.samples) {
@@ -85,7 +85,7 @@ fn sixteen_bits_are_enough_for_96_db_of_each_grain() {
     assert_eq!(compact.runs[0].channels, 2);
     let again = {
         let mut again = compact.clone();
-        again.make_compact();
+        again.quantise(16);
         again
     };
     assert!(again.samples.iter().zip(&compact.samples).all(|(a, b)| (a - b).abs() <= 1e-7 * a.abs()));

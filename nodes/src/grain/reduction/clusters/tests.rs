@@ -52,7 +52,7 @@ fn a_correlation_of_1_merges_scaled_copies_only() {
         power: 0.25 * g.power,
         ..*g
     }));
-    two.make_compact();
+    two.quantise(16);
     two.validate().unwrap();
     let patterns = CorrelationPatterns::none(&two);
     let all = found(&two, &patterns, 1.0);

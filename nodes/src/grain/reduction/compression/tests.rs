@@ -13,6 +13,7 @@ fn number(cell: &Cell) -> Option<f64> {
 fn fewer_bytes_have_greater_errors_and_a_budget_is_spent_better_than_at_random() {
     let (recordings, dictionary, patterns) = stored(4);
     let rules = CompressionRules {
+        bits: vec![10, 6],
         merge: vec![1.0, 0.95, 0.8],
         shares: vec![0.5],
         random_sets: 8,
@@ -29,13 +30,15 @@ fn fewer_bytes_have_greater_errors_and_a_budget_is_spent_better_than_at_random()
     let all = rows("all grains")[0].clone();
     // 16 bits for each grain, without grains 50 dB below the loudest.
     assert!(at(&all, 6) > 30.0 && at(&all, 7) < 2.0, "{all:?}");
+    let coarse = rows("fewer bits");
+    assert!(at(&coarse[1], 3) < at(&coarse[0], 3) && at(&coarse[1], 6) > 20.0, "{coarse:?}");
     let merged = rows("merged");
     assert_eq!(at(&merged[0], 3), at(&all, 3));
     for pair in merged.windows(2) {
         assert!(at(&pair[1], 3) <= at(&pair[0], 3) && at(&pair[1], 6) <= at(&pair[0], 6) + 0.1, "{pair:?}");
     }
     let (subset, random) = (rows("subset")[0].clone(), rows("random")[0].clone());
-    assert!(at(&subset, 3) <= 0.52 * at(&all, 3));
+    assert!(at(&subset, 3) <= 0.6 * at(&all, 3));
     assert!(at(&subset, 6) > at(&random, 6) + 2.0 * at(&random, 8), "{subset:?} {random:?}");
     assert_eq!(table.charts.len(), 2);
     assert_eq!(of(Random::new(3, "table")).rows, table.rows);

@@ -24,9 +24,9 @@ fn recordings(sounds: Vec<Vec<f32>>) -> GrainRecordings {
     GrainRecordings { rate: 44_100.0, recordings: sounds.into_iter().map(recording).collect() }
 }
 
-fn all_of(sounds: Vec<Vec<f32>>, compact: bool, retain: Retention) -> (GrainDictionary, CorrelationPatterns) {
+fn all_of(sounds: Vec<Vec<f32>>, bits: u16, retain: Retention) -> (GrainDictionary, CorrelationPatterns) {
     let all = recordings(sounds);
-    let rules = ExtractRules { compact, discard: [-300.0, -300.0], ..ExtractRules::at_rate(44_100.0) };
+    let rules = ExtractRules { bits, discard: [-300.0, -300.0], ..ExtractRules::at_rate(44_100.0) };
     let (dictionary, _) = extract(&all, &rules);
     let rules = CorrelateRules { retain, ..CorrelateRules::default() };
     let patterns = correlate(&all, &dictionary, &rules, &|_| false).unwrap();
@@ -43,8 +43,8 @@ fn snr(x: &[f32], y: &[f32]) -> f64 {
 #[test]
 fn a_recording_of_the_dictionary_comes_back() {
     let x = knocks(30_000, 1);
-    for (compact, least) in [(false, 70.0), (true, 60.0)] {
-        let (dictionary, patterns) = all_of(vec![x.clone()], compact, Retention::Largest(2000));
+    for (bits, least) in [(0, 70.0), (16, 60.0)] {
+        let (dictionary, patterns) = all_of(vec![x.clone()], bits, Retention::Largest(2000));
         let read = CorrelationPatterns::from_bytes(&patterns.to_bytes().unwrap()).unwrap();
         assert_eq!(read, patterns);
         let steps = walk(&read.patterns[0], &dictionary, GapRule::Extend);
@@ -62,7 +62,7 @@ fn a_recording_of_the_dictionary_comes_back() {
 #[test]
 fn the_walk_leaves_few_gaps_with_few_peaks() {
     let x = knocks(40_000, 2);
-    let (dictionary, patterns) = all_of(vec![x.clone(), knocks(30_000, 3)], true, Retention::PerInterval(4));
+    let (dictionary, patterns) = all_of(vec![x.clone(), knocks(30_000, 3)], 16, Retention::PerInterval(4));
     let steps = walk(&patterns.patterns[0], &dictionary, GapRule::Extend);
     let y = sound_of(&dictionary, &steps, x.len());
     let silent = y.chunks(64).filter(|part| part.iter().all(|y| *y == 0.0)).count();
@@ -80,7 +80,7 @@ fn the_walk_leaves_few_gaps_with_few_peaks() {
 #[test]
 fn silence_and_an_empty_pattern_have_no_grains() {
     let (dictionary, patterns) =
-        all_of(vec![knocks(9000, 4), vec![0.0; 5000]], true, Retention::PerInterval(2));
+        all_of(vec![knocks(9000, 4), vec![0.0; 5000]], 16, Retention::PerInterval(2));
     assert!(patterns.patterns[1].peaks.is_empty());
     assert!(walk(&patterns.patterns[1], &dictionary, GapRule::Extend).is_empty());
     assert!(time_scaled(&patterns.patterns[1], &dictionary, 2.0).is_empty());
@@ -89,7 +89,7 @@ fn silence_and_an_empty_pattern_have_no_grains() {
 #[test]
 fn time_scaling_by_one_is_the_walk_and_keeps_the_onsets() {
     let x = knocks(44_100, 5);
-    let (dictionary, patterns) = all_of(vec![x], true, Retention::PerInterval(4));
+    let (dictionary, patterns) = all_of(vec![x], 16, Retention::PerInterval(4));
     let pattern = &patterns.patterns[0];
     let source = walk(pattern, &dictionary, GapRule::Extend);
     let times = |steps: &[GrainStep]| -> Vec<i64> {
@@ -114,7 +114,7 @@ fn time_scaling_by_one_is_the_walk_and_keeps_the_onsets() {
 #[test]
 fn variations_differ_in_grains_and_keep_the_rhythm() {
     let (dictionary, patterns) =
-        all_of(vec![knocks(60_000, 6), knocks(60_000, 7)], true, Retention::PerInterval(4));
+        all_of(vec![knocks(60_000, 6), knocks(60_000, 7)], 16, Retention::PerInterval(4));
     let pattern = &patterns.patterns[0];
     let rules = VariationRules { among: 4, temperature: None, jitter: 0.0, level: 0.0 };
     let of = |seed: u64| {
