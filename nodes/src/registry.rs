@@ -36,7 +36,11 @@ use crate::grain::recording::grain_recordings::GrainRecordingsNode;
 use crate::grain::reduction::grain_cluster::GrainCluster;
 use crate::grain::reduction::grain_compression::GrainCompression;
 use crate::grain::reduction::grain_subset::GrainSubset;
+use crate::grain::statistics::pattern_generator::PatternGenerator;
+use crate::grain::statistics::pattern_model_file::PatternModelFile;
+use crate::grain::statistics::pattern_statistics::PatternStatistics;
 use crate::grain::synthesis::grain_retarget::GrainRetarget;
+use crate::grain::synthesis::pattern_report::PatternReport;
 use crate::grain::synthesis::pattern_resynth::PatternResynth;
 use crate::grain::synthesis::pattern_timescale::PatternTimescale;
 use crate::grain::synthesis::pattern_variation::PatternVariation;
@@ -76,6 +80,7 @@ use crate::modal::surface::impact_projector::ImpactProjector;
 use crate::modal::surface::mode_decay_times::ModeDecayTimes;
 use crate::modal::surface::support_contacts::SupportContacts;
 use crate::rigid::classification::contact_classifier::ContactClassifier;
+use crate::rigid::classification::contact_report::ContactReport;
 use crate::rigid::log::contact_log::ContactLog;
 use crate::scrape::crossing::feature_crossings::FeatureCrossings;
 use crate::scrape::isophote::isophote_excitation::IsophoteExcitation;
@@ -317,8 +322,12 @@ impl Registry {
             .with_func::<CorrelationPatternsFile>()
             .with::<GrainRetarget>()
             .with::<PatternResynth>()
+            .with_func::<PatternReport>()
             .with_func::<PatternTimescale>()
             .with_func::<PatternVariation>()
+            .with_func::<PatternStatistics>()
+            .with_func::<PatternModelFile>()
+            .with_func::<PatternGenerator>()
             .family("feature")
             .with::<Mfcc>()
             .with::<TemporalGaussian>()
@@ -407,6 +416,7 @@ impl Registry {
             .with::<TwoTextures>()
             .family("rigid")
             .with::<ContactClassifier>()
+            .with::<ContactReport>()
             .with::<ContactLog>()
             .family("spatial")
             .with::<StructuralHrtf>()

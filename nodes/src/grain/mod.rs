@@ -2,18 +2,21 @@
 //!
 //! In the order of the data: [`recording`] reads recordings with what is known of them, [`segmentation`] cuts them at inflections of their
 //! spectral flux, [`dictionary`] stores the grains, [`correlation`] finds where each grain occurs in each recording, [`reduction`] makes
-//! dictionaries smaller, and [`synthesis`] plays patterns of grains, and grains that follow contacts.
+//! dictionaries smaller, [`statistics`] are models of patterns that generate others, and [`synthesis`] plays patterns of grains, and grains that follow contacts.
 
 pub mod correlation;
 pub mod dictionary;
+mod distortion;
 pub mod recording;
 pub mod reduction;
 pub mod segmentation;
 pub mod sinusoid;
+pub mod statistics;
 pub mod synthesis;
 
 pub use correlation::{CorrelationPatterns, Pattern, Peak};
 pub use dictionary::{Grain, GrainDictionary};
+pub use distortion::Distortion;
 pub use recording::{Component, GrainRecording, GrainRecordings, SourceKind};
 
 /// Returns a small constant dictionary, to which the patterns of trials refer.

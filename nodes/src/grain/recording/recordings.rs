@@ -64,6 +64,16 @@ impl GrainRecording {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// All components and channels in one.
+    #[must_use]
+    pub fn mono(&self) -> Vec<f32> {
+        let mut sum = vec![0.0; self.len()];
+        for part in &self.parts {
+            sum.iter_mut().zip(part.mono()).for_each(|(sum, x)| *sum += x);
+        }
+        sum
+    }
 }
 
 /// Recordings at one rate.

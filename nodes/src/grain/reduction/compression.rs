@@ -1,10 +1,10 @@
 //! Bytes and errors of recordings that are stored as grains.
 
 use super::clusters::{Reduced, merged, substitutes};
-use super::distortion::Distortion;
 use super::similarity::{norms, similar_pairs};
 use super::subset::{reduced, retained_grains};
 use crate::core::random::Random;
+use crate::grain::Distortion;
 use crate::grain::correlation::{CorrelationPatterns, Pattern};
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::{GrainRecording, GrainRecordings};
@@ -43,15 +43,6 @@ fn walked(patterns: &CorrelationPatterns, dictionary: &GrainDictionary) -> Corre
         sequence(pattern, &walk(pattern, dictionary, GapRule::Extend), pattern.frames)
     };
     CorrelationPatterns { patterns: patterns.patterns.iter().map(of_pattern).collect(), ..patterns.clone() }
-}
-
-/// A recording, all components and channels in one.
-fn mono(recording: &GrainRecording) -> Vec<f32> {
-    let mut sum = vec![0.0; recording.len()];
-    for part in &recording.parts {
-        sum.iter_mut().zip(part.mono()).for_each(|(sum, x)| *sum += x);
-    }
-    sum
 }
 
 /// Plays all recordings from their patterns, and compares.
@@ -131,7 +122,7 @@ pub fn compression_table(
         "snr_deviation_db",
         "distance_deviation_db",
     ]);
-    let originals: Vec<Vec<f32>> = recordings.recordings.iter().map(mono).collect();
+    let originals: Vec<Vec<f32>> = recordings.recordings.iter().map(GrainRecording::mono).collect();
     let names: Vec<&str> = recordings.recordings.iter().map(|r| r.name.as_str()).collect();
     let samples = |r: &GrainRecording| r.len() * r.parts.first().map_or(1, |part| part.channels.len());
     let whole = 2 * recordings.recordings.iter().map(samples).sum::<usize>();

@@ -2,7 +2,6 @@
 
 mod clusters;
 mod compression;
-mod distortion;
 pub mod grain_cluster;
 pub mod grain_compression;
 pub mod grain_subset;
@@ -13,6 +12,6 @@ mod testing;
 
 pub use clusters::{Reduced, Substitute, merged, substitutes};
 pub use compression::{CompressionRules, compression_table};
-pub use distortion::Distortion;
+pub(crate) use similarity::grain_features;
 pub use similarity::{SimilarPair, norms, similar_pairs};
 pub use subset::{reduced, retained_grains};

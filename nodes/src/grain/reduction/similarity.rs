@@ -77,6 +77,21 @@ fn standardise(points: &mut [[f64; DIMS]]) {
     }
 }
 
+/// Features of some grains, standardised: 24 bands, their deviation over time, and the length.
+pub(crate) fn grain_features(dictionary: &GrainDictionary, grains: &[usize]) -> Vec<[f64; DIMS]> {
+    let rate = Rate::from_f64(dictionary.rate).unwrap_or(Rate::hz(48_000));
+    let frame = ((FRAME * dictionary.rate).max(8.0) as u32).next_power_of_two();
+    let base = FeatureConventions::cloth(rate, frame);
+    let conventions =
+        FeatureConventions { frame, bands: BANDS as u32, f_lo: 50.0, f_hi: 0.45 * dictionary.rate, ..base };
+    let of_grain =
+        |mel: &mut MelCepstrum, k: &usize| features(&dictionary.windowed(&dictionary.grains[*k]), mel);
+    let mut points: Vec<[f64; DIMS]> =
+        grains.par_iter().map_init(|| MelCepstrum::new(&conventions, 1e-30), of_grain).collect();
+    standardise(&mut points);
+    points
+}
+
 /// Pairs of each point and its `count` nearest ones of similar length. The points are sorted by length.
 fn neighbours(points: &[[f64; DIMS]], lengths: &[usize], count: usize) -> Vec<[usize; 2]> {
     let of_point = |i: usize| -> Vec<[usize; 2]> {
@@ -197,16 +212,8 @@ fn pairs_of_group(
     count: usize,
     stop: &dyn Fn(f64) -> bool,
 ) -> Option<Vec<SimilarPair>> {
-    let rate = Rate::from_f64(dictionary.rate).unwrap_or(Rate::hz(48_000));
-    let frame = ((FRAME * dictionary.rate).max(8.0) as u32).next_power_of_two();
-    let base = FeatureConventions::cloth(rate, frame);
-    let conventions =
-        FeatureConventions { frame, bands: BANDS as u32, f_lo: 50.0, f_hi: 0.45 * dictionary.rate, ..base };
     let lengths: Vec<usize> = group.iter().map(|k| dictionary.grains[*k].window_len()).collect();
-    let of_grain = |mel: &mut MelCepstrum, k: &usize| features(&dictionary.windowed(&dictionary.grains[*k]), mel);
-    let mut points: Vec<[f64; DIMS]> =
-        group.par_iter().map_init(|| MelCepstrum::new(&conventions, 1e-30), of_grain).collect();
-    standardise(&mut points);
+    let points = grain_features(dictionary, group);
     let candidates = neighbours(&points, &lengths, count);
     let correlator = Correlator::new(lengths.last().copied().unwrap_or(0));
     let channels = group.first().map_or(1, |k| dictionary.channels(&dictionary.grains[*k]));

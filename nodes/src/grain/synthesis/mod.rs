@@ -4,6 +4,7 @@ mod chain;
 mod contact_pairs;
 pub mod grain_retarget;
 mod impact_voices;
+pub mod pattern_report;
 pub mod pattern_resynth;
 pub mod pattern_timescale;
 pub mod pattern_variation;

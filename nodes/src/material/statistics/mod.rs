@@ -1,5 +1,6 @@
 //! Distributions and tests.
 
+mod k_means;
 pub mod listening_test;
 pub mod normal;
 pub mod ranks;
@@ -7,6 +8,8 @@ pub mod rating_statistics;
 pub mod ratings;
 pub mod special;
 pub mod tests_of_means;
+
+pub use k_means::{Points, k_means, nearest, squared};
 
 /// The quantile of sorted values at a share from 0 to 1, interpolated.
 #[must_use]

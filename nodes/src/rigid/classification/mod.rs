@@ -2,6 +2,7 @@
 
 mod classifier;
 pub mod contact_classifier;
+pub mod contact_report;
 mod history;
 mod impacts;
 mod rules;

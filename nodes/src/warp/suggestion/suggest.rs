@@ -12,7 +12,8 @@ use std::ops::Range;
 
 use super::params::{Cause, Silence, SuggestParams};
 use super::sliced_wasserstein::sliced_wasserstein;
-use super::transport::{clustered, squared, transported};
+use super::transport::{clustered, transported};
+use crate::material::statistics::squared;
 use super::windows::{Window, add_causes, farthest_points, ranked, windows};
 use crate::warp::correspondence::pairing;
 use crate::warp::fit::{FitError, Stiffness, fit};

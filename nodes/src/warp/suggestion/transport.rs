@@ -2,12 +2,11 @@
 //!
 //! # Source
 //! Cuturi, "Sinkhorn distances" (NIPS 2013); Schmitzer, "Stabilized sparse scaling algorithms for entropy regularized transport
-//! problems" (SIAM J. Sci. Comput. 41(3), 2019), section 3.1, for scaling that neither over- nor underflows; Arthur and
-//! Vassilvitskii, "k-means++" (SODA 2007).
+//! problems" (SIAM J. Sci. Comput. 41(3), 2019), section 3.1, for scaling that neither over- nor underflows.
 
 use rayon::prelude::*;
 
-use crate::core::random::Rng;
+use crate::material::statistics::{Points, k_means, squared};
 
 /// Maximum number of rounds of scaling.
 const ROUNDS: usize = 300;
@@ -17,39 +16,6 @@ const SETTLED: f64 = 1e-4;
 const LARGE: f64 = 20.0;
 /// Rows that are summed as one part, whatever the threads.
 const ROWS: usize = 64;
-/// Number of times that points are assigned to their nearest centre.
-const LLOYD: usize = 8;
-
-/// Points, one after the other.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Points {
-    pub dims: usize,
-    /// `[points, dims]`.
-    pub at: Vec<f64>,
-}
-
-impl Points {
-    pub fn len(&self) -> usize {
-        self.at.len() / self.dims.max(1)
-    }
-
-    pub fn row(&self, k: usize) -> &[f64] {
-        self.at.get(k * self.dims..(k + 1) * self.dims).unwrap_or_default()
-    }
-
-    /// Makes one dimension count so many times as much.
-    pub fn scale_dim(&mut self, dim: usize, factor: f64) {
-        self.at.iter_mut().skip(dim).step_by(self.dims.max(1)).for_each(|x| *x *= factor);
-    }
-
-    fn rows(&self) -> std::slice::ChunksExact<'_, f64> {
-        self.at.chunks_exact(self.dims.max(1))
-    }
-}
-
-pub(super) fn squared(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
-}
 
 /// A cloud of points that have different masses.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -68,55 +34,10 @@ pub(super) struct Cloud {
 pub(super) fn clustered(points: Points, most: usize) -> Cloud {
     let n = points.len();
     let count = n.min(most.max(1));
-    let (centres, of) = if n <= count { (points, (0..n).collect()) } else { lloyd(&points, count) };
+    let (centres, of) = if n <= count { (points, (0..n).collect()) } else { k_means(&points, count) };
     let mut masses = vec![0.0; centres.len()];
     of.iter().for_each(|k: &usize| masses[*k] += 1.0 / n.max(1) as f64);
     Cloud { points: centres, masses, of }
-}
-
-/// Distant points to begin with, each drawn with a chance in proportion to its squared distance from those before it.
-fn seeds(points: &Points, count: usize) -> Points {
-    let mut rng = Rng::new(0x6b6d_6561_6e73);
-    let mut at = points.row(rng.below(points.len())).to_vec();
-    let mut near: Vec<f64> = points.rows().map(|x| squared(x, &at)).collect();
-    for _ in 1..count {
-        let mut left = rng.uniform() * near.iter().sum::<f64>();
-        let next = near.iter().position(|square| {
-            left -= square;
-            left < 0.0
-        });
-        let row = points.row(next.unwrap_or(0));
-        near.iter_mut().zip(points.rows()).for_each(|(near, x)| *near = near.min(squared(x, row)));
-        at.extend(row);
-    }
-    Points { dims: points.dims, at }
-}
-
-fn nearest(x: &[f64], centres: &Points) -> usize {
-    let far = centres.rows().map(|centre| squared(x, centre)).enumerate();
-    far.fold((0, f64::INFINITY), |best, (k, far)| if far < best.1 { (k, far) } else { best }).0
-}
-
-fn lloyd(points: &Points, count: usize) -> (Points, Vec<usize>) {
-    let mut centres = seeds(points, count);
-    let mut of = Vec::new();
-    for _ in 0..LLOYD {
-        of = points.at.par_chunks_exact(points.dims).map(|x| nearest(x, &centres)).collect();
-        let mut sums = vec![0.0; centres.at.len()];
-        let mut counts = vec![0.0_f64; count];
-        for (x, &k) in points.rows().zip(&of) {
-            counts[k] += 1.0;
-            sums[k * points.dims..].iter_mut().zip(x).for_each(|(sum, x)| *sum += x);
-        }
-        for (k, centre) in centres.at.chunks_exact_mut(points.dims).enumerate() {
-            // One that nothing is near stays where it is.
-            if counts[k] > 0.0 {
-                let sum = &sums[k * points.dims..(k + 1) * points.dims];
-                centre.iter_mut().zip(sum).for_each(|(c, sum)| *c = sum / counts[k]);
-            }
-        }
-    }
-    (centres, of)
 }
 
 /// Potentials over epsilon, the factors that change them, and the kernel of both.
@@ -280,6 +201,8 @@ pub(super) fn transported(a: &Cloud, b: &Cloud) -> Points {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::random::Rng;
+    use crate::material::statistics::nearest;
 
     fn cloud(n: usize, seed: u64, extent: f64) -> Points {
         let mut rng = Rng::new(seed);

@@ -1,0 +1,174 @@
+use super::super::model::{fit, lag_correlation};
+use super::*;
+use crate::core::random::{Random, Rng};
+use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, Pattern, correlate};
+use crate::grain::dictionary::{ExtractRules, extract};
+use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
+use crate::material::statistics::special::chi_square_above;
+
+/// Crackling of two kinds of sounds, whose levels rise and fall slowly.
+fn crackle(n: usize, seed: u64) -> Vec<f32> {
+    let mut rng = Rng::new(seed);
+    let mut x = vec![0.0_f32; n];
+    let (mut t, mut level, mut kind) = (0.0, 0.0, 0);
+    while (t as usize) < n {
+        level = 0.8 * level + 4.0 * rng.between(-1.0, 1.0);
+        if rng.uniform() < 0.2 {
+            kind = 1 - kind;
+        }
+        let amplitude = 0.1 * 10f64.powf(level / 20.0);
+        let (pitch, decay) = [(0.05, 150.0), (0.31, 60.0)][kind];
+        for (i, y) in x[t as usize..].iter_mut().enumerate().take(900) {
+            let noise = 0.3 * rng.between(-1.0, 1.0);
+            let i = i as f64;
+            *y += (amplitude * (-i / decay).exp() * ((std::f64::consts::TAU * pitch * i).sin() + noise)) as f32;
+        }
+        t += rng.between(400.0, 1600.0);
+    }
+    x
+}
+
+fn stored(count: u64) -> (GrainDictionary, CorrelationPatterns) {
+    let recording = |k: u64| GrainRecording {
+        name: format!("crackle_{k}.wav"),
+        parts: vec![Part { component: Component::Whole, channels: vec![crackle(60_000, 40 + k)] }],
+        ..GrainRecording::default()
+    };
+    let all = GrainRecordings { rate: 44_100.0, recordings: (0..count).map(recording).collect() };
+    let (dictionary, _) = extract(&all, &ExtractRules::at_rate(44_100.0));
+    let patterns = correlate(&all, &dictionary, &CorrelateRules::default(), &|_| false).unwrap();
+    (dictionary, patterns)
+}
+
+fn model_of(dictionary: &GrainDictionary, patterns: &[Pattern]) -> PatternModel {
+    let model = fit(dictionary, &patterns.iter().collect::<Vec<_>>(), 6, 0.1).unwrap();
+    model.validate(Some(dictionary)).unwrap();
+    model
+}
+
+fn many(models: [&PatternModel; 2], dictionary: &GrainDictionary, blend: f64, count: usize) -> Vec<GeneratedGrain> {
+    let random = Random::new(11, "generator");
+    let rules = GeneratorRules { blend, ..GeneratorRules::default() };
+    let mut generator = Generator::default();
+    (0..count)
+        .map(|_| generator.next(models, dictionary, &rules, |index, lane| random.uniform(0, index, lane)))
+        .collect()
+}
+
+/// Greatest distance of the distribution of values from the one that has these quantiles, times the root of their number.
+fn distance(values: &[f64], quantiles: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len() as f64;
+    let far = (1..200).map(|k| {
+        let share = f64::from(k) / 200.0;
+        let x = quantile(quantiles, share);
+        let [below, to] =
+            [sorted.partition_point(|y| *y < x - 1e-9), sorted.partition_point(|y| *y <= x + 1e-9)];
+        // Values that occur often span several shares.
+        (share - to as f64 / n).max(below as f64 / n - share).max(0.0)
+    });
+    far.fold(0.0, f64::max) * n.sqrt()
+}
+
+#[test]
+fn many_grains_have_the_statistics_of_the_model() {
+    let (dictionary, patterns) = stored(3);
+    let model = model_of(&dictionary, &patterns.patterns);
+    let grains = many([&model, &model], &dictionary, 0.0, 100_000);
+    // The limit of Kolmogorov and Smirnov for p = 0.01.
+    let intervals: Vec<f64> = grains.iter().map(|g| g.interval).collect();
+    assert!(distance(&intervals, &model.intervals) < 1.63);
+    let levels: Vec<f64> = grains.iter().map(|g| g.level).collect();
+    // Levels are correlated, so that there are fewer independent ones.
+    assert!(distance(&levels, &model.levels) < 1.63 * 2.0);
+    assert!((lag_correlation(&[&levels]) - model.correlation).abs() < 0.02);
+    let n = model.clusters.len();
+    let mut counts = vec![0.0; n * n];
+    grains.windows(2).for_each(|w| counts[w[0].cluster * n + w[1].cluster] += 1.0);
+    let (mut sum, mut freedom) = (0.0, 0.0);
+    for (row, chances) in counts.chunks(n).zip(model.transitions.chunks(n)) {
+        let total: f64 = row.iter().sum();
+        let cells = row.iter().zip(chances).filter(|(_, p)| **p * total >= 5.0);
+        let used = cells.clone().count() as f64;
+        sum += cells.map(|(x, p)| (x - p * total).powi(2) / (p * total)).sum::<f64>();
+        freedom += (used - 1.0).max(0.0);
+    }
+    // The distribution of Wilson and Hilferty for many degrees of freedom.
+    let z = ((sum / freedom).cbrt() - (1.0 - 2.0 / (9.0 * freedom))) / (2.0 / (9.0 * freedom)).sqrt();
+    assert!(chi_square_above(z.max(0.0).powi(2)) > 0.02, "{sum} of {freedom}");
+    // Levels do follow each other in this sound, and clusters do.
+    assert!(model.correlation > 0.1, "{}", model.correlation);
+}
+
+#[test]
+fn between_two_models_quantiles_are_interpolated() {
+    let (dictionary, patterns) = stored(2);
+    let slow = model_of(&dictionary, &patterns.patterns);
+    let mut fast = slow.clone();
+    fast.intervals.iter_mut().for_each(|x| *x *= 0.5);
+    fast.levels.iter_mut().for_each(|x| *x += 6.0);
+    let grains = many([&slow, &fast], &dictionary, 0.5, 20_000);
+    let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+    let interval = mean(&grains.iter().map(|g| g.interval).collect::<Vec<_>>());
+    let wanted = mean(&many([&slow, &slow], &dictionary, 0.0, 20_000).iter().map(|g| g.interval).collect::<Vec<_>>());
+    assert!((interval / wanted - 0.75).abs() < 0.01, "{interval} {wanted}");
+    let levels: Vec<f64> = grains.iter().map(|g| g.level).collect();
+    assert!((mean(&levels) - mean(&slow.levels) - 3.0).abs() < 0.3);
+}
+
+#[test]
+fn density_loudness_and_duration_are_followed() {
+    let (dictionary, patterns) = stored(2);
+    let model = model_of(&dictionary, &patterns.patterns);
+    let random = Random::new(3, "generator");
+    let of = |density: f64, gain: f64, seed: u32| {
+        let rules = GeneratorRules { density, gain, blend: 0.0 };
+        let uniform = |index: u64, lane: u32| random.uniform(seed, index, lane);
+        generated([&model, &model], &dictionary, &rules, 441_000, false, uniform)
+    };
+    let (plain, dense, loud) = (of(1.0, 1.0, 0), of(2.0, 1.0, 0), of(1.0, 2.0, 0));
+    assert!((dense.len() as f64 / plain.len() as f64 - 2.0).abs() < 0.1);
+    assert!(plain.iter().zip(&loud).all(|(a, b)| (b.gain - 2.0 * a.gain).abs() < 1e-6));
+    assert_ne!(of(1.0, 1.0, 1), plain);
+    assert_eq!(of(1.0, 1.0, 0), plain);
+    assert!(plain.windows(2).all(|w| w[0].t < w[1].t && w[0].grain != w[1].grain));
+}
+
+#[test]
+fn a_recording_that_was_left_out_is_within_the_range_of_what_is_drawn() {
+    let (dictionary, patterns) = stored(4);
+    // Variation of the intervals, and correlation of the levels, of a walk.
+    let figures = |steps: &[GrainStep]| -> [f64; 2] {
+        let intervals: Vec<f64> = steps.windows(2).map(|w| (w[1].t - w[0].t) as f64).collect();
+        let mean = intervals.iter().sum::<f64>() / intervals.len() as f64;
+        let variance = intervals.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / intervals.len() as f64;
+        let level = |s: &GrainStep| {
+            10.0 * (f64::from(dictionary.grains[s.grain as usize].power) * f64::from(s.gain).powi(2)).log10()
+        };
+        let levels: Vec<f64> = steps.iter().map(level).collect();
+        [variance.sqrt() / mean, lag_correlation(&[&levels])]
+    };
+    let walked = |pattern: &Pattern| {
+        crate::grain::synthesis::walk(pattern, &dictionary, crate::grain::synthesis::GapRule::Extend)
+    };
+    for k in 0..4 {
+        let (out, rest): (Vec<_>, Vec<_>) =
+            patterns.patterns.iter().cloned().enumerate().partition(|(j, _)| *j == k);
+        let model = model_of(&dictionary, &rest.into_iter().map(|(_, p)| p).collect::<Vec<_>>());
+        let found = figures(&walked(&out[0].1));
+        let random = Random::new(k as u64, "generator");
+        let drawn: Vec<[f64; 2]> = (0..20)
+            .map(|set| {
+                let uniform = |index: u64, lane: u32| random.uniform(set, index, lane);
+                let rules = GeneratorRules::default();
+                figures(&generated([&model, &model], &dictionary, &rules, 60_000, false, uniform))
+            })
+            .collect();
+        for (j, name) in ["variation of intervals", "correlation of levels"].into_iter().enumerate() {
+            let mean = drawn.iter().map(|f| f[j]).sum::<f64>() / 20.0;
+            let spread = (drawn.iter().map(|f| (f[j] - mean).powi(2)).sum::<f64>() / 19.0).sqrt();
+            assert!((found[j] - mean).abs() < 4.0 * spread.max(0.02), "{name}: {} {mean} {spread}", found[j]);
+        }
+    }
+}

@@ -1,0 +1,406 @@
+//! The model of patterns, and its fit.
+
+use crate::artefact::sealed::{seal, unseal};
+use crate::artefact::value_file::Artefact;
+use crate::core::item::Data;
+use crate::core::node::Summary;
+use crate::core::random::Rng;
+use crate::grain::correlation::{CorrelationPatterns, Pattern};
+use crate::grain::dictionary::GrainDictionary;
+use crate::grain::reduction::grain_features;
+use crate::grain::synthesis::{GapRule, GrainStep, walk};
+use crate::material::statistics::normal::normal_quantile;
+use crate::material::statistics::{Points, k_means, quantile};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_1_SQRT_2;
+use thiserror::Error;
+
+/// Version of the format of [`PatternModel`].
+pub const MODEL_VERSION: u32 = 1;
+/// Points of the envelope.
+pub const ENVELOPE: usize = 64;
+/// Largest number of quantiles of a distribution.
+const QUANTILES: usize = 1024;
+/// The first bytes of a file of a model.
+const MAGIC: &[u8] = b"foley:FPMD\n";
+
+/// Statistics of the grains of some patterns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PatternModel {
+    /// [`MODEL_VERSION`].
+    pub version: u32,
+    /// Sample rate, Hz.
+    pub rate: f64,
+    /// Digest of the dictionary.
+    pub dictionary: String,
+    /// Number of grains in the patterns.
+    pub count: u64,
+    /// Samples from the beginning of a grain to that of the next one: quantiles, rising.
+    pub intervals: Vec<f64>,
+    /// Level of a grain relative to the envelope of its recording, dB: quantiles, rising.
+    pub levels: Vec<f64>,
+    /// Correlation of the levels of successive grains.
+    pub correlation: f64,
+    /// Correlation of successive normal variables that gives the levels this correlation.
+    pub persistence: f64,
+    /// Grains of the patterns in each cluster.
+    pub clusters: Vec<Vec<u32>>,
+    /// Probability of each cluster as that of the first grain.
+    pub first: Vec<f64>,
+    /// Probability of each cluster after each cluster, `[clusters, clusters]`.
+    pub transitions: Vec<f64>,
+    /// Mean power of a recording over its duration, with mean 1.
+    pub envelope: Vec<f64>,
+}
+
+/// Reasons why a model cannot be used.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// Another version of the format.
+    #[error("the model of patterns has version {found}; this reads version {MODEL_VERSION}: make it again")]
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// A model of another dictionary.
+    #[error("the model belongs to another dictionary: its digest is {wanted}, that of the dictionary here {found}")]
+    Dictionary {
+        /// Digest of the linked dictionary.
+        found: String,
+        /// Digest in the model.
+        wanted: String,
+    },
+    /// Too few grains.
+    #[error("the patterns have {found} grains one after the other; at least {MIN_GRAINS} are needed")]
+    Few {
+        /// The number found.
+        found: usize,
+    },
+    /// A field that does not fit to the others, or is not finite.
+    #[error("`{field}` of the model of patterns is damaged")]
+    Damaged {
+        /// Name of the field.
+        field: &'static str,
+    },
+}
+
+/// Fewest grains of a model.
+const MIN_GRAINS: usize = 8;
+
+/// Evenly spaced quantiles of values.
+fn quantiles(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    if values.len() <= QUANTILES {
+        return values;
+    }
+    (0..QUANTILES).map(|k| quantile(&values, k as f64 / (QUANTILES - 1) as f64)).collect()
+}
+
+/// Share of the standard normal distribution below `z`.
+pub(super) fn normal_share(z: f64) -> f64 {
+    0.5 * libm::erfc(-z * FRAC_1_SQRT_2)
+}
+
+/// Correlation of successive values.
+pub fn lag_correlation(series: &[&[f64]]) -> f64 {
+    let count: usize = series.iter().map(|x| x.len()).sum();
+    let mean = series.iter().flat_map(|x| x.iter()).sum::<f64>() / count.max(1) as f64;
+    let variance = series.iter().flat_map(|x| x.iter()).map(|x| (x - mean).powi(2)).sum::<f64>() / count.max(1) as f64;
+    let pairs: Vec<f64> =
+        series.iter().flat_map(|x| x.windows(2)).map(|w| (w[0] - mean) * (w[1] - mean)).collect();
+    if variance <= 0.0 || pairs.is_empty() {
+        return 0.0;
+    }
+    (pairs.iter().sum::<f64>() / pairs.len() as f64 / variance).clamp(-1.0, 1.0)
+}
+
+/// Correlation of successive normal variables for which their levels, by the quantiles, have the wanted correlation.
+fn persistence(levels: &[f64], wanted: f64) -> f64 {
+    // Pairs of independent normal variables, the same for all trials.
+    let mut rng = Rng::new(7);
+    let pairs: Vec<[f64; 2]> = (0..20_000)
+        .map(|_| [(); 2].map(|()| normal_quantile(rng.between(1e-9, 1.0 - 1e-9))))
+        .collect();
+    let level = |z: f64| quantile(levels, normal_share(z));
+    let correlation = |phi: f64| -> f64 {
+        let rest = (1.0 - phi * phi).max(0.0).sqrt();
+        let both: Vec<[f64; 2]> = pairs.iter().map(|[z, e]| [level(*z), level(phi * z + rest * e)]).collect();
+        let mean = |k: usize| both.iter().map(|p| p[k]).sum::<f64>() / both.len() as f64;
+        let means = [mean(0), mean(1)];
+        let moment = |j: usize, k: usize| -> f64 {
+            both.iter().map(|p| (p[j] - means[j]) * (p[k] - means[k])).sum()
+        };
+        moment(0, 1) / (moment(0, 0) * moment(1, 1)).sqrt().max(f64::MIN_POSITIVE)
+    };
+    let (mut low, mut high) = (-0.999, 0.999);
+    for _ in 0..16 {
+        let middle = 0.5 * (low + high);
+        if correlation(middle) < wanted { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// Power of a step.
+fn power(dictionary: &GrainDictionary, step: &GrainStep) -> f64 {
+    let own = dictionary.grains.get(step.grain as usize).map_or(0.0, |grain| f64::from(grain.power));
+    own * f64::from(step.gain).powi(2)
+}
+
+/// Mean power over the duration of a recording, with mean 1; passages without a grain are interpolated.
+fn envelope(walks: &[(&Pattern, Vec<GrainStep>)], dictionary: &GrainDictionary) -> Vec<f64> {
+    let mut sums = vec![[0.0, 0.0]; ENVELOPE];
+    for (pattern, steps) in walks {
+        let mean = steps.iter().map(|s| power(dictionary, s)).sum::<f64>() / steps.len().max(1) as f64;
+        for step in steps {
+            let at = step.t.max(0) as f64 / pattern.frames.max(1) as f64;
+            let bin = &mut sums[((at * ENVELOPE as f64) as usize).min(ENVELOPE - 1)];
+            *bin = [bin[0] + power(dictionary, step) / mean.max(f64::MIN_POSITIVE), bin[1] + 1.0];
+        }
+    }
+    let known: Vec<(usize, f64)> =
+        sums.iter().enumerate().filter(|(_, s)| s[1] > 0.0).map(|(k, s)| (k, s[0] / s[1])).collect();
+    let at = |k: usize| {
+        let after = known.partition_point(|(j, _)| *j < k);
+        match (after.checked_sub(1).and_then(|b| known.get(b)), known.get(after)) {
+            (_, Some((j, y))) if *j == k => *y,
+            (Some((a, x)), Some((b, y))) => x + (y - x) * (k - a) as f64 / (b - a) as f64,
+            (Some((_, x)), None) | (None, Some((_, x))) => *x,
+            (None, None) => 1.0,
+        }
+    };
+    // A floor of -60 dB: levels are relative to it.
+    let all: Vec<f64> = (0..ENVELOPE).map(|k| at(k).max(1e-6)).collect();
+    let mean = all.iter().sum::<f64>() / ENVELOPE as f64;
+    all.iter().map(|x| x / mean).collect()
+}
+
+/// Value of an envelope at a share of the duration, interpolated between the middles of its points.
+#[must_use]
+pub fn envelope_at(envelope: &[f64], share: f64) -> f64 {
+    let last = envelope.len().saturating_sub(1);
+    let at = (share * envelope.len() as f64 - 0.5).clamp(0.0, last as f64);
+    let k = at as usize;
+    let (x, y) = (envelope.get(k).copied().unwrap_or(1.0), envelope.get((k + 1).min(last)).copied().unwrap_or(1.0));
+    x + (y - x) * (at - k as f64)
+}
+
+/// Fits a model to the walks through patterns.
+///
+/// The distributions of intervals and levels are those of the patterns. Levels are relative to the mean envelope of the recordings. The
+/// grains of the dictionary are divided into `clusters` by their spectra; clusters follow each other as in the patterns, with `smoothing`
+/// added to each count.
+///
+/// # Errors
+/// Too few grains.
+///
+/// # Source
+/// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 6, which
+/// names statistics of patterns as future work. Cario and Nelson, "Autoregressive to anything" (Operations Research Letters 19(2), 1996)
+/// for correlated levels of any distribution.
+pub fn fit(
+    dictionary: &GrainDictionary,
+    patterns: &[&Pattern],
+    clusters: usize,
+    smoothing: f64,
+) -> Result<PatternModel, ModelError> {
+    let walks: Vec<(&Pattern, Vec<GrainStep>)> =
+        patterns.iter().map(|pattern| (*pattern, walk(pattern, dictionary, GapRule::Extend))).collect();
+    let intervals: Vec<f64> = walks
+        .iter()
+        .flat_map(|(_, steps)| steps.windows(2))
+        .map(|w| ((w[1].t - w[0].t) as f64).max(1.0))
+        .collect();
+    if intervals.len() < MIN_GRAINS {
+        return Err(ModelError::Few { found: intervals.len() });
+    }
+    let envelope = envelope(&walks, dictionary);
+    let level = |pattern: &Pattern, step: &GrainStep| {
+        let share = step.t.max(0) as f64 / pattern.frames.max(1) as f64;
+        10.0 * (power(dictionary, step).max(1e-15) / envelope_at(&envelope, share)).log10()
+    };
+    let series: Vec<Vec<f64>> =
+        walks.iter().map(|(p, steps)| steps.iter().map(|s| level(p, s)).collect()).collect();
+    let correlation = lag_correlation(&series.iter().map(Vec::as_slice).collect::<Vec<_>>());
+    let levels = quantiles(series.into_iter().flatten().collect());
+
+    // The clusters are those of the dictionary, so that two models of it can be mixed.
+    let every: Vec<usize> = (0..dictionary.len()).collect();
+    let points = grain_features(dictionary, &every);
+    let dims = points.first().map_or(1, |p| p.len());
+    let points = Points { dims, at: points.into_iter().flatten().collect() };
+    let (_, of) = k_means(&points, clusters.max(1));
+    let n = clusters.clamp(1, dictionary.len().max(1));
+    let mut members: Vec<Vec<u32>> = vec![Vec::new(); n];
+    let mut counts = vec![0.0; n * n];
+    let mut first = vec![0.0; n];
+    for (_, steps) in &walks {
+        let clusters: Vec<usize> = steps.iter().map(|s| of.get(s.grain as usize).copied().unwrap_or(0)).collect();
+        clusters.windows(2).for_each(|w| counts[w[0] * n + w[1]] += 1.0);
+        for (step, cluster) in steps.iter().zip(&clusters) {
+            members[*cluster].push(step.grain);
+            first[*cluster] += 1.0;
+        }
+    }
+    for all in &mut members {
+        all.sort_unstable();
+        all.dedup();
+    }
+    // Clusters that no pattern has are not entered.
+    let used: Vec<bool> = members.iter().map(|m| !m.is_empty()).collect();
+    let normalised = |row: &[f64]| -> Vec<f64> {
+        let smoothed = row.iter().zip(&used).map(|(x, used)| if *used { x + smoothing } else { 0.0 });
+        let smoothed: Vec<f64> = smoothed.collect();
+        let sum: f64 = smoothed.iter().sum();
+        let even = used.iter().filter(|u| **u).count().max(1) as f64;
+        let share = |(x, used): (&f64, &bool)| match (sum > 0.0, used) {
+            (true, _) => x / sum,
+            (false, true) => 1.0 / even,
+            (false, false) => 0.0,
+        };
+        smoothed.iter().zip(&used).map(share).collect()
+    };
+    let total: f64 = first.iter().sum();
+    Ok(PatternModel {
+        version: MODEL_VERSION,
+        rate: dictionary.rate,
+        dictionary: dictionary.id(),
+        count: walks.iter().map(|(_, steps)| steps.len() as u64).sum(),
+        intervals: quantiles(intervals),
+        persistence: persistence(&levels, correlation),
+        correlation,
+        levels,
+        clusters: members,
+        first: first.iter().map(|x| x / total.max(1.0)).collect(),
+        transitions: counts.chunks(n).flat_map(normalised).collect(),
+        envelope,
+    })
+}
+
+impl PatternModel {
+    /// Checks that the model is valid, and belongs to a dictionary if there is one.
+    ///
+    /// # Errors
+    /// The first thing found.
+    pub fn validate(&self, dictionary: Option<&GrainDictionary>) -> Result<(), ModelError> {
+        if self.version != MODEL_VERSION {
+            return Err(ModelError::Version { found: self.version });
+        }
+        let n = self.clusters.len();
+        let rises = |x: &[f64]| !x.is_empty() && x.iter().all(|x| x.is_finite()) && x.is_sorted();
+        let is_chance = |x: &[f64]| x.iter().all(|x| (0.0..=1.0).contains(x));
+        let enters_empty = |row: &[f64]| row.iter().zip(&self.clusters).any(|(p, c)| *p > 0.0 && c.is_empty());
+        let damaged = |field| Err(ModelError::Damaged { field });
+        if !rises(&self.intervals) || self.intervals[0] < 1.0 {
+            return damaged("intervals");
+        }
+        if !rises(&self.levels) {
+            return damaged("levels");
+        }
+        if !(self.persistence.abs() <= 1.0 && self.correlation.abs() <= 1.0) {
+            return damaged("persistence");
+        }
+        if n == 0 || self.first.len() != n || !is_chance(&self.first) || enters_empty(&self.first) {
+            return damaged("first");
+        }
+        let rows = self.transitions.chunks(n);
+        if self.transitions.len() != n * n || !is_chance(&self.transitions) || rows.into_iter().any(enters_empty) {
+            return damaged("transitions");
+        }
+        if self.envelope.len() != ENVELOPE || !self.envelope.iter().all(|x| x.is_finite() && *x > 0.0) {
+            return damaged("envelope");
+        }
+        if !(self.rate.is_finite() && self.rate >= 1.0) {
+            return damaged("rate");
+        }
+        if let Some(dictionary) = dictionary {
+            let found = dictionary.id();
+            if found != self.dictionary {
+                return Err(ModelError::Dictionary { found, wanted: self.dictionary.clone() });
+            }
+            if self.clusters.iter().flatten().any(|grain| *grain as usize >= dictionary.len()) {
+                return damaged("clusters");
+            }
+        }
+        Ok(())
+    }
+
+    /// The model as one file: a signature, the version, a digest, and the fields.
+    ///
+    /// # Errors
+    /// When it cannot be encoded.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
+        let body = postcard::to_allocvec(self).map_err(|e| e.to_string())?;
+        Ok(seal(MAGIC, self.version, &body))
+    }
+
+    /// The model in such a file.
+    ///
+    /// # Errors
+    /// Other files, other versions, damage.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let other = |found| ModelError::Version { found };
+        let body = unseal((MAGIC, MODEL_VERSION), "a model of patterns", bytes, other)?;
+        let model: Self =
+            postcard::from_bytes(body).map_err(|e| format!("the model of patterns is damaged: {e}"))?;
+        model.validate(None).map_err(|e| e.to_string())?;
+        Ok(model)
+    }
+
+    /// Figures for the summary of a run.
+    #[must_use]
+    pub fn figures(&self) -> Summary {
+        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len().max(1) as f64;
+        vec![
+            ("grains", (self.count as usize).into()),
+            ("mean_interval_s", (mean(&self.intervals) / self.rate).into()),
+            ("mean_level_db", mean(&self.levels).into()),
+            ("correlation", self.correlation.into()),
+            ("clusters", self.clusters.iter().filter(|c| !c.is_empty()).count().into()),
+        ]
+    }
+}
+
+impl Artefact for PatternModel {
+    const CODE: &'static str = "F151";
+    const HELP: Option<&'static str> = Some("write one with --tap model=FILE.bin");
+    const MAGIC: &'static [u8] = MAGIC;
+
+    fn from_file(bytes: &[u8]) -> Result<Self, String> {
+        Self::from_bytes(bytes)
+    }
+
+    fn summary(&self) -> Summary {
+        self.figures()
+    }
+}
+
+impl Data for PatternModel {
+    const NAME: &'static str = "model of patterns";
+    const FILES: bool = true;
+
+    fn file(&self) -> Option<Vec<u8>> {
+        self.to_bytes().ok()
+    }
+
+    fn trial(rng: &mut Rng) -> Self {
+        let dictionary = crate::grain::trial_dictionary();
+        let patterns = CorrelationPatterns::trial(rng);
+        let all: Vec<&Pattern> = patterns.patterns.iter().collect();
+        let steps = || (0..20).map(|k| k as f64);
+        fit(&dictionary, &all, 4, 0.1).unwrap_or_else(|_| Self {
+            version: MODEL_VERSION,
+            rate: dictionary.rate,
+            dictionary: dictionary.id(),
+            count: 20,
+            intervals: steps().map(|k| 40.0 + 10.0 * k).collect(),
+            levels: steps().map(|k| k - 40.0).collect(),
+            correlation: 0.0,
+            persistence: 0.0,
+            clusters: vec![vec![0, 1]],
+            first: vec![1.0],
+            transitions: vec![1.0],
+            envelope: vec![1.0; ENVELOPE],
+        })
+    }
+}
