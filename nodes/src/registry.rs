@@ -39,6 +39,12 @@ use crate::grain::reduction::grain_subset::GrainSubset;
 use crate::grain::statistics::pattern_generator::PatternGenerator;
 use crate::grain::statistics::pattern_model_file::PatternModelFile;
 use crate::grain::statistics::pattern_statistics::PatternStatistics;
+use crate::grain::segmentation::flux_segmenter::FluxSegmenter;
+use crate::grain::segmentation::spectral_flux::SpectralFlux;
+use crate::grain::sinusoid::additive_resynth::AdditiveResynth;
+use crate::grain::sinusoid::partial_tracks::PartialTracks;
+use crate::grain::sinusoid::sine_peaks::SinePeaks;
+use crate::grain::sinusoid::transient_residual::TransientResidual;
 use crate::grain::synthesis::grain_retarget::GrainRetarget;
 use crate::grain::synthesis::pattern_report::PatternReport;
 use crate::grain::synthesis::pattern_resynth::PatternResynth;
@@ -323,6 +329,12 @@ impl Registry {
             .with::<GrainRetarget>()
             .with::<PatternResynth>()
             .with_func::<PatternReport>()
+            .with::<SpectralFlux>()
+            .with::<FluxSegmenter>()
+            .with::<SinePeaks>()
+            .with::<PartialTracks>()
+            .with::<AdditiveResynth>()
+            .with::<TransientResidual>()
             .with_func::<PatternTimescale>()
             .with_func::<PatternVariation>()
             .with_func::<PatternStatistics>()

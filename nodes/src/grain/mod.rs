@@ -13,6 +13,8 @@ pub mod segmentation;
 pub mod sinusoid;
 pub mod statistics;
 pub mod synthesis;
+#[cfg(test)]
+mod testing;
 
 pub use correlation::{CorrelationPatterns, Pattern, Peak};
 pub use dictionary::{Grain, GrainDictionary};

@@ -108,6 +108,7 @@ impl Func for GrainDictionaryNode {
     type Params = GrainDictionaryParams;
     type Ports = GrainDictionaryPorts;
     const NAME: &'static str = "GrainDictionary";
+    const VERSION: u32 = 2;
     // Sources are named after their files.
     const EXPOSES_PATHS: bool = true;
 

@@ -1,5 +1,6 @@
 //! Spectral flux: the change of the shape of a spectrum from one frame to the next.
 
+use crate::impl_state;
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use std::f64::consts::TAU;
@@ -78,7 +79,7 @@ impl FluxMeter {
     ///
     /// # Shapes
     /// `frame: [frames.frame]`.
-    pub fn next(&mut self, frame: &[f32]) -> f64 {
+    pub fn next(&mut self, frame: &[f32]) -> f32 {
         self.shapes.swap(0, 1);
         self.input.fill(0.0);
         for ((x, s), w) in self.input.iter_mut().zip(frame).zip(&self.window) {
@@ -104,21 +105,107 @@ impl FluxMeter {
             }
         }
         let [now, before] = &self.shapes;
-        now.iter().zip(before).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
+        now.iter().zip(before).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt() as f32
     }
 }
 
-/// Index of a sample of a signal of `len` samples that is reflected at both ends, the end sample twice.
-fn reflected(i: i64, len: usize) -> usize {
-    let period = 2 * len as i64;
-    let j = i.rem_euclid(period.max(1)) as usize;
-    if j < len { j } else { (2 * len).saturating_sub(1 + j) }
+impl_state!(FluxMeter { shapes });
+
+/// Index of an item of a sequence of `len` items that is reflected at both ends, the item at the end twice; a sequence without a known
+/// length is reflected at its start.
+pub(super) fn reflected(i: i64, len: Option<i64>) -> i64 {
+    let Some(len) = len.filter(|len| *len > 0) else { return i.max(-1 - i) };
+    let j = i.rem_euclid(2 * len);
+    j.min(2 * len - 1 - j)
+}
+
+/// A part of a recording.
+#[derive(Clone, Copy, Debug)]
+pub struct Excerpt<'a> {
+    /// Its samples.
+    pub samples: &'a [f32],
+    /// Index of the first of them in the recording.
+    pub first: i64,
+    /// Samples of the recording, if it has an end.
+    pub len: Option<i64>,
+}
+
+impl Excerpt<'_> {
+    /// Samples from `from` on, if all of them are in the excerpt and in the recording.
+    fn inside(&self, from: i64, count: usize) -> Option<&[f32]> {
+        let at = usize::try_from(from - self.first).ok().filter(|_| from >= 0)?;
+        let ends = self.len.is_none_or(|len| from + count as i64 <= len);
+        self.samples.get(at..at + count).filter(|_| ends)
+    }
+
+    /// A sample of the reflected recording; 0 outside the excerpt.
+    fn sample(&self, i: i64) -> f32 {
+        let at = usize::try_from(reflected(i, self.len) - self.first).ok();
+        at.and_then(|at| self.samples.get(at)).copied().unwrap_or(0.0)
+    }
+}
+
+/// Spectral flux, item by item.
+///
+/// Item `k` is the flux between the frames that are centred on the samples `(k - 1) hop` and `k hop`; item 0 equals item 1.
+pub struct FluxStream {
+    frames: FluxFrames,
+    meter: FluxMeter,
+    frame: Vec<f32>,
+    /// The next frame.
+    next: i64,
+    /// The latest item.
+    value: f32,
+}
+
+impl_state!(FluxStream { meter, next, value });
+
+impl FluxStream {
+    /// A stream in which amplitudes below `silence` are silent.
+    #[must_use]
+    pub fn new(frames: FluxFrames, silence: f64) -> Self {
+        let frames = FluxFrames { frame: frames.frame.max(2), hop: frames.hop.max(1), ..frames };
+        let (meter, frame) = (FluxMeter::new(frames, silence), vec![0.0; frames.frame]);
+        Self { frames, meter, frame, next: 0, value: 0.0 }
+    }
+
+    /// Samples that an item requires before and after that of its number times the hop.
+    #[must_use]
+    pub fn lookaround(frames: FluxFrames) -> [usize; 2] {
+        [frames.frame / 2 + frames.hop, frames.hop + frames.frame - frames.frame / 2 - 1]
+    }
+
+    /// Returns the next item, or any later one.
+    pub fn item(&mut self, k: i64, x: Excerpt<'_>) -> f32 {
+        let hop = self.frames.hop as i64;
+        if x.len.is_some_and(|len| len < hop) {
+            return 0.0;
+        }
+        let latest = k.max(1);
+        // After a gap, the frame before it is still there.
+        self.next = self.next.max(latest - 1);
+        while self.next <= latest {
+            let first = self.next * hop - (self.frames.frame / 2) as i64;
+            self.value = match x.inside(first, self.frames.frame) {
+                Some(frame) => self.meter.next(frame),
+                None => {
+                    for (i, sample) in (first..).zip(self.frame.iter_mut()) {
+                        *sample = x.sample(i);
+                    }
+                    self.meter.next(&self.frame)
+                }
+            };
+            self.next += 1;
+        }
+        self.value
+    }
 }
 
 /// Returns the spectral flux of a recording. Item `k` is the flux between the frames that are centred on the samples
 /// `(k - 1) hop` and `k hop`; item 0 equals item 1.
 ///
-/// The recording is reflected at its ends. What is silent follows from its peak, so that a recording at any gain has the same flux.
+/// The recording is reflected at its ends. Frames 140 dB below its peak, or 120 dB below full scale, are silent, so that a recording at any
+/// gain has the same flux.
 ///
 /// # Complexity
 /// One transform a hop.
@@ -127,27 +214,10 @@ pub fn spectral_flux(x: &[f32], frames: FluxFrames) -> Vec<f64> {
     if x.is_empty() {
         return Vec::new();
     }
-    let hop = frames.hop.max(1);
     let peak = x.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
-    let mut meter = FluxMeter::new(frames, (RELATIVE_SILENCE * f64::from(peak)).max(ABSOLUTE_SILENCE));
-    let mut frame = vec![0.0; frames.frame];
-    let mut flux: Vec<f64> = (0..=x.len() / hop)
-        .map(|k| {
-            let first = (k * hop) as i64 - (frames.frame / 2) as i64;
-            if let Some(inside) =
-                usize::try_from(first).ok().and_then(|first| x.get(first..first + frames.frame))
-            {
-                return meter.next(inside);
-            }
-            for (i, sample) in (first..).zip(frame.iter_mut()) {
-                *sample = x[reflected(i, x.len())];
-            }
-            meter.next(&frame)
-        })
-        .collect();
-    let second = flux.get(1).copied().unwrap_or(0.0);
-    flux[0] = second;
-    flux
+    let mut flux = FluxStream::new(frames, (RELATIVE_SILENCE * f64::from(peak)).max(ABSOLUTE_SILENCE));
+    let whole = Excerpt { samples: x, first: 0, len: Some(x.len() as i64) };
+    (0..=x.len() / frames.hop.max(1)).map(|k| f64::from(flux.item(k as i64, whole))).collect()
 }
 
 #[cfg(test)]

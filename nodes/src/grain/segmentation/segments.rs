@@ -1,8 +1,9 @@
 //! Cuts of a recording into grains at the inflection points of its spectral flux.
 
-use super::flux::{FluxFrames, spectral_flux};
+use super::flux::{FluxFrames, reflected, spectral_flux};
 use super::onset_strength::{ONSET_RISE, onsets};
 use crate::choices;
+use serde::{Deserialize, Serialize};
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
@@ -37,6 +38,17 @@ pub struct SegmentRules {
     pub onset_rise: f64,
 }
 
+impl CutKind {
+    /// Returns true if an inflection point becomes a cut.
+    pub(super) fn takes(self, inflection: &Inflection) -> bool {
+        match self {
+            Self::Both => true,
+            Self::Rising => inflection.rising,
+            Self::Falling => !inflection.rising,
+        }
+    }
+}
+
 impl SegmentRules {
     /// The defaults at a rate: grains of 300 to 3000 samples at 44.1 kHz.
     #[must_use]
@@ -63,6 +75,13 @@ pub struct Inflection {
     pub rising: bool,
 }
 
+impl Inflection {
+    /// The nearest sample; 0 before the first frame.
+    pub(super) fn sample(&self, hop: usize) -> usize {
+        ((self.position - 0.5) * hop.max(1) as f64).round().max(0.0) as usize
+    }
+}
+
 /// The cuts of a recording, with what they follow from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Segments {
@@ -76,21 +95,61 @@ pub struct Segments {
     pub smooth: Vec<f64>,
 }
 
+/// A Gaussian that is truncated at four standard deviations.
+pub(super) struct Gaussian {
+    weights: Vec<f64>,
+    sum: f64,
+}
+
+impl Gaussian {
+    /// A Gaussian of a standard deviation in items.
+    pub(super) fn new(sigma: f64) -> Self {
+        let radius = (4.0 * sigma.max(0.0) + 0.5) as i64;
+        let distance = |i: i64| if i == 0 { 0.0 } else { i as f64 / sigma };
+        let weights: Vec<f64> = (-radius..=radius).map(|i| (-0.5 * distance(i).powi(2)).exp()).collect();
+        Self { sum: weights.iter().sum(), weights }
+    }
+
+    /// Items on either side of the middle.
+    pub(super) fn radius(&self) -> i64 {
+        (self.weights.len() / 2) as i64
+    }
+
+    /// Weighted mean around item `k` of a sequence, whose items outside its ends are read too.
+    pub(super) fn mean(&self, k: i64, item: impl Fn(i64) -> f64) -> f64 {
+        (k - self.radius()..).zip(&self.weights).map(|(i, w)| w * item(i)).sum::<f64>() / self.sum
+    }
+}
+
 /// Smooths a sequence with a Gaussian that is truncated at four standard deviations; ends are reflected.
 #[must_use]
 pub fn smooth(x: &[f64], sigma: f64) -> Vec<f64> {
-    if sigma <= 0.0 || x.is_empty() {
-        return x.to_vec();
+    let (gaussian, n) = (Gaussian::new(sigma), x.len() as i64);
+    (0..n).map(|k| gaussian.mean(k, |i| x[reflected(i, Some(n)) as usize])).collect()
+}
+
+/// Finds inflection points, item by item.
+///
+/// Second differences below 1e-9 have no sign; a run of them between two signs has its inflection in the middle.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct InflectionFinder {
+    /// The latest item with a sign, and its second difference.
+    pub(super) latest: Option<(i64, f64)>,
+}
+
+impl InflectionFinder {
+    /// Takes item `k` with its neighbours.
+    pub(super) fn next(&mut self, k: i64, [before, at, after]: [f64; 3]) -> Option<Inflection> {
+        const FLAT: f64 = 1e-9;
+        let curvature = after - 2.0 * at + before;
+        if curvature.abs() < FLAT {
+            return None;
+        }
+        let (j, earlier) = self.latest.replace((k, curvature))?;
+        let position =
+            if k == j + 1 { j as f64 + earlier / (earlier - curvature) } else { 0.5 * (j + k) as f64 };
+        (earlier * curvature < 0.0).then_some(Inflection { position, rising: earlier > 0.0 })
     }
-    let radius = (4.0 * sigma + 0.5) as i64;
-    let weights: Vec<f64> = (-radius..=radius).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
-    let sum: f64 = weights.iter().sum();
-    let n = x.len() as i64;
-    let at = |i: i64| {
-        let j = i.rem_euclid(2 * n);
-        x[(if j < n { j } else { 2 * n - 1 - j }) as usize]
-    };
-    (0..n).map(|k| (k - radius..).zip(&weights).map(|(i, w)| w * at(i)).sum::<f64>() / sum).collect()
 }
 
 /// Returns the inflection points of a smooth sequence, rising in position.
@@ -98,30 +157,45 @@ pub fn smooth(x: &[f64], sigma: f64) -> Vec<f64> {
 /// Second differences below 1e-9 have no sign; a run of them between two signs has its inflection in the middle.
 #[must_use]
 pub fn inflections(s: &[f64]) -> Vec<Inflection> {
-    const FLAT: f64 = 1e-9;
-    let curvature = |k: usize| s[k + 1] - 2.0 * s[k] + s[k - 1];
-    let mut found = Vec::new();
-    let mut last: Option<(usize, f64)> = None;
-    for k in 1..s.len().saturating_sub(1) {
-        let d = curvature(k);
-        if d.abs() < FLAT {
-            continue;
-        }
-        if let Some((j, before)) = last.filter(|(_, before)| before * d < 0.0) {
-            let position = if k == j + 1 { j as f64 + before / (before - d) } else { 0.5 * (j + k) as f64 };
-            found.push(Inflection { position, rising: before > 0.0 });
-        }
-        last = Some((k, d));
-    }
-    found
+    let mut finder = InflectionFinder::default();
+    s.windows(3).zip(1..).filter_map(|(s, k)| finder.next(k, [s[0], s[1], s[2]])).collect()
 }
 
-/// Absolute slope of the smoothed flux at a frame, by central differences.
-fn slope(s: &[f64], position: f64) -> f64 {
-    let at = |k: i64| s[k.clamp(0, s.len() as i64 - 1) as usize];
-    let central = |k: i64| 0.5 * (at(k + 1) - at(k - 1));
-    let (k, part) = (position.floor() as i64, position - position.floor());
-    ((1.0 - part) * central(k) + part * central(k + 1)).abs()
+/// A part of a smoothed flux.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SmoothFlux<'a> {
+    /// Index of the first item.
+    pub(super) first: i64,
+    /// The items.
+    pub(super) items: &'a [f64],
+}
+
+impl SmoothFlux<'_> {
+    /// An item, or the nearest one of the part.
+    fn item(&self, k: i64) -> f64 {
+        self.items[(k - self.first).clamp(0, self.items.len() as i64 - 1) as usize]
+    }
+
+    /// Absolute slope at a frame, by central differences.
+    pub(super) fn slope(&self, position: f64) -> f64 {
+        let central = |k: i64| 0.5 * (self.item(k + 1) - self.item(k - 1));
+        let (k, part) = (position.floor() as i64, position - position.floor());
+        ((1.0 - part) * central(k) + part * central(k + 1)).abs()
+    }
+
+    /// The sample at which a segment is cut: of the frames from `low` to `high`, the steepest one, of equal ones that nearest `middle`.
+    pub(super) fn steepest(&self, [low, high]: [usize; 2], middle: usize, hop: usize) -> Option<usize> {
+        // Frames whose time (k - 1/2) hop lies in the interval.
+        let frames = (low.div_ceil(hop)..).take_while(|k| k * hop <= high + hop / 2);
+        let candidates =
+            frames.map(|k| (k * hop).saturating_sub(hop / 2)).filter(|t| (low..=high).contains(t));
+        candidates.max_by(|a, b| {
+            let value = |t: usize| self.slope(t as f64 / hop as f64 + 0.5);
+            let (x, y) = (value(*a), value(*b));
+            let order = if (x - y).abs() <= 1e-12 { Ordering::Equal } else { x.total_cmp(&y) };
+            order.then_with(|| middle.abs_diff(*b).cmp(&middle.abs_diff(*a)))
+        })
+    }
 }
 
 /// A segment in the order in which short ones are joined: the shortest first, then the earliest.
@@ -136,7 +210,7 @@ struct Short {
 ///
 /// # Complexity
 /// O(n log n) for n cuts.
-fn join_short(len: usize, cuts: &[(usize, f64)], min: usize) -> Vec<usize> {
+pub(super) fn join_short(len: usize, cuts: &[(usize, f64)], min: usize) -> Vec<usize> {
     let n = cuts.len();
     // Positions with both ends; `before` and `after` are a linked list over them.
     let at = |k: usize| if k == 0 { 0 } else { cuts.get(k - 1).map_or(len, |cut| cut.0) };
@@ -176,19 +250,14 @@ fn join_short(len: usize, cuts: &[(usize, f64)], min: usize) -> Vec<usize> {
 /// Cuts a recording of `len` samples whose smoothed flux is `s`.
 #[must_use]
 pub fn cuts(s: &[f64], len: usize, rules: &SegmentRules) -> Vec<usize> {
-    let hop = rules.frames.hop.max(1) as f64;
-    let sample = |position: f64| ((position - 0.5) * hop).round();
-    let wanted = |i: &Inflection| match rules.kind {
-        CutKind::Both => true,
-        CutKind::Rising => i.rising,
-        CutKind::Falling => !i.rising,
-    };
-    let mut found: Vec<(usize, f64)> = inflections(s)
-        .into_iter()
-        .filter(wanted)
-        .map(|i| (sample(i.position), slope(s, i.position)))
-        .filter(|(at, _)| *at > 0.0 && *at < len as f64)
-        .map(|(at, slope)| (at as usize, slope))
+    if s.is_empty() {
+        return vec![0, len];
+    }
+    let s = SmoothFlux { first: 0, items: s };
+    let candidates = inflections(s.items).into_iter().filter(|i| rules.kind.takes(i));
+    let mut found: Vec<(usize, f64)> = candidates
+        .map(|i| (i.sample(rules.frames.hop), s.slope(i.position)))
+        .filter(|(at, _)| *at > 0 && *at < len)
         .collect();
     found.dedup_by_key(|cut| cut.0);
     let mut all = vec![0];
@@ -202,27 +271,21 @@ pub fn cuts(s: &[f64], len: usize, rules: &SegmentRules) -> Vec<usize> {
 }
 
 /// Adds the cuts within a segment that is longer than `max`: at the steepest frame, of equal ones at that nearest the middle.
-fn split_long(s: &[f64], segment: [usize; 2], rules: &SegmentRules, cuts: &mut Vec<usize>) {
+pub(super) fn split_long(
+    s: SmoothFlux<'_>,
+    segment: [usize; 2],
+    rules: &SegmentRules,
+    cuts: &mut Vec<usize>,
+) {
     let mut pending = vec![segment];
     let mut found = Vec::new();
-    let hop = rules.frames.hop.max(1);
     while let Some([start, end]) = pending.pop() {
         if end - start <= rules.max.max(2) {
             continue;
         }
         let middle = start + (end - start) / 2;
-        let (low, high) = (start + rules.min, end.saturating_sub(rules.min));
-        // Frames whose time (k - 1/2) hop lies in the interval.
-        let frames = (low.div_ceil(hop)..).take_while(|k| k * hop <= high + hop / 2);
-        let candidates =
-            frames.map(|k| (k * hop).saturating_sub(hop / 2)).filter(|t| (low..=high).contains(t));
-        let steepest = candidates.max_by(|a, b| {
-            let value = |t: usize| slope(s, t as f64 / hop as f64 + 0.5);
-            let (x, y) = (value(*a), value(*b));
-            let order = if (x - y).abs() <= 1e-12 { Ordering::Equal } else { x.total_cmp(&y) };
-            order.then_with(|| middle.abs_diff(*b).cmp(&middle.abs_diff(*a)))
-        });
-        let cut = steepest.unwrap_or(middle);
+        let between = [start + rules.min, end.saturating_sub(rules.min)];
+        let cut = s.steepest(between, middle, rules.frames.hop.max(1)).unwrap_or(middle);
         found.push(cut);
         pending.extend([[start, cut], [cut, end]]);
     }

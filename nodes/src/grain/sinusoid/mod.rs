@@ -1,11 +1,22 @@
 //! Sinusoids of recordings: peaks, tracks, synthesis, and what they leave.
+//!
+//! In the order of the data, [`sine_peaks`] finds the sinusoids of each frame, [`partial_tracks`] joins them to tracks, [`additive_resynth`]
+//! plays the tracks, and [`transient_residual`] is the rest; [`split`](mod@split) does the same with a recording as a whole.
 
+pub mod additive_resynth;
+pub mod item;
+pub mod partial_tracks;
 mod peaks;
-mod split;
+pub mod sine_peaks;
+pub mod split;
 mod synthesis;
+#[cfg(test)]
+mod testing;
 mod tracks;
+pub mod transient_residual;
 
-pub use peaks::{PeakFinder, PeakRules, SinePeak};
+pub use item::{FrameFormat, PeakFrames, TrackFrames, TrackPoint};
+pub use peaks::{PeakFinder, PeakRules, PeakWindow, SinePeak};
 pub use split::{SteadyTransient, find_tracks, split};
-pub use synthesis::add_tracks;
+pub use synthesis::{TrackSynthesis, add_tracks};
 pub use tracks::{PartialTracker, Track, TrackRules};

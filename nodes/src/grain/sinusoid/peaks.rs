@@ -1,14 +1,47 @@
 //! Sinusoids in a frame: peaks of its spectrum with interpolated frequency, amplitude and phase.
 
+use crate::choices;
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+choices! {
+    /// Window of the frames in which sinusoids are found.
+    pub enum PeakWindow {
+        /// Four terms: side lobes at -92 dB.
+        BlackmanHarris,
+        /// Three terms: side lobes at -58 dB, and a main lobe of three quarters of the width.
+        Blackman,
+        /// Two terms: side lobes at -31 dB, and a main lobe of half the width.
+        Hann,
+        /// Two terms: side lobes at -43 dB that do not fall off, and a main lobe of half the width.
+        Hamming,
+    }
+}
+
+impl PeakWindow {
+    /// The window of an odd length, symmetric.
+    fn samples(self, len: usize) -> Vec<f64> {
+        let a = match self {
+            Self::BlackmanHarris => [0.35875, 0.48829, 0.14128, 0.01168],
+            Self::Blackman => [0.42, 0.5, 0.08, 0.0],
+            Self::Hann => [0.5, 0.5, 0.0, 0.0],
+            Self::Hamming => [0.54, 0.46, 0.0, 0.0],
+        };
+        let x = |n: usize| TAU * n as f64 / (len.max(2) - 1) as f64;
+        (0..len)
+            .map(|n| a[0] - a[1] * x(n).cos() + a[2] * (2.0 * x(n)).cos() - a[3] * (3.0 * x(n)).cos())
+            .collect()
+    }
+}
+
 /// Frames and selection of peaks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PeakRules {
+    /// Shape of the window.
+    pub shape: PeakWindow,
     /// Samples of the window, an odd number.
     pub window: usize,
     /// Samples of the transform.
@@ -27,8 +60,15 @@ impl PeakRules {
     pub fn at_rate(rate: f64) -> Self {
         let scaled = |n: f64| (n * rate / 44_100.0).round().max(8.0) as usize;
         let window = scaled(2047.0) | 1;
-        let size = 2 * window.next_power_of_two();
-        Self { window, size, hop: scaled(256.0), threshold: -80.0, max_peaks: 100 }
+        let size = Self::transform(window);
+        let shape = PeakWindow::BlackmanHarris;
+        Self { shape, window, size, hop: scaled(256.0), threshold: -80.0, max_peaks: 100 }
+    }
+
+    /// Samples of the transform for a window: twice as many, rounded up to a power of two.
+    #[must_use]
+    pub fn transform(window: usize) -> usize {
+        2 * window.next_power_of_two()
     }
 }
 
@@ -41,15 +81,6 @@ pub struct SinePeak {
     pub amplitude: f64,
     /// Phase of the cosine at the centre of the frame, rad.
     pub phase: f64,
-}
-
-/// Four-term Blackman-Harris window of odd length, symmetric, with side lobes at -92 dB.
-fn blackman_harris(len: usize) -> Vec<f64> {
-    const A: [f64; 4] = [0.35875, 0.48829, 0.14128, 0.01168];
-    let x = |n: usize| TAU * n as f64 / (len.max(2) - 1) as f64;
-    (0..len)
-        .map(|n| A[0] - A[1] * x(n).cos() + A[2] * (2.0 * x(n)).cos() - A[3] * (3.0 * x(n)).cos())
-        .collect()
 }
 
 /// Finds the peaks of frames.
@@ -65,6 +96,8 @@ pub struct PeakFinder {
     rate: f64,
     plan: Arc<dyn RealToComplex<f64>>,
     window: Vec<f64>,
+    /// A frame at the ends of a recording.
+    frame: Vec<f32>,
     input: Vec<f64>,
     spectrum: Vec<Complex<f64>>,
     scratch: Vec<Complex<f64>>,
@@ -77,12 +110,13 @@ impl PeakFinder {
     pub fn new(rules: PeakRules, rate: f64) -> Self {
         let size = rules.size.max(rules.window + 1).next_multiple_of(2);
         let plan = RealFftPlanner::new().plan_fft_forward(size);
-        let window = blackman_harris(rules.window);
+        let window = rules.shape.samples(rules.window);
         // A real sinusoid of amplitude A reads A.
         let scale = 2.0 / window.iter().sum::<f64>();
         Self {
             rate,
             window: window.into_iter().map(|w| scale * w).collect(),
+            frame: vec![0.0; rules.window],
             input: plan.make_input_vec(),
             levels: vec![0.0; size / 2 + 1],
             spectrum: plan.make_output_vec(),
@@ -90,6 +124,27 @@ impl PeakFinder {
             plan,
             rules,
         }
+    }
+
+    /// Most peaks that a frame can have before the largest are selected.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        self.levels.len() / 2 + 1
+    }
+
+    /// Finds the peaks of the frame that is centred on sample `centre` of `x`, the largest first. Outside `x` is silence.
+    pub fn find_at(&mut self, x: &[f32], centre: i64, peaks: &mut Vec<SinePeak>) {
+        let first = centre - (self.rules.window / 2) as i64;
+        let inside = usize::try_from(first).ok().and_then(|first| x.get(first..first + self.rules.window));
+        if let Some(frame) = inside {
+            return self.find(frame, peaks);
+        }
+        let mut frame = std::mem::take(&mut self.frame);
+        for (i, y) in (first..).zip(frame.iter_mut()) {
+            *y = usize::try_from(i).ok().and_then(|i| x.get(i)).copied().unwrap_or(0.0);
+        }
+        self.find(&frame, peaks);
+        self.frame = frame;
     }
 
     /// Finds the peaks of a frame, the largest first.
@@ -130,7 +185,8 @@ impl PeakFinder {
                 phase: self.spectrum[b].arg(),
             });
         }
-        peaks.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
+        let order = |a: &SinePeak, b: &SinePeak| b.amplitude.total_cmp(&a.amplitude);
+        peaks.sort_unstable_by(|a, b| order(a, b).then(a.frequency.total_cmp(&b.frequency)));
         peaks.truncate(self.rules.max_peaks);
     }
 }
@@ -158,6 +214,30 @@ mod tests {
             let error =
                 (peak.phase - phase + 3.0 * std::f64::consts::PI).rem_euclid(TAU) - std::f64::consts::PI;
             assert!(error.abs() < 0.02, "{error}");
+        }
+    }
+
+    #[test]
+    fn each_window_finds_tones_within_its_own_errors() {
+        let rate = 44_100.0;
+        // The errors of tones at random frequencies, in Hz and dB.
+        for (shape, hz, db) in [
+            (PeakWindow::BlackmanHarris, 0.0085, 0.0025),
+            (PeakWindow::Blackman, 0.017, 0.005),
+            (PeakWindow::Hann, 0.037, 0.013),
+            (PeakWindow::Hamming, 0.05, 0.02),
+        ] {
+            let mut finder = PeakFinder::new(PeakRules { shape, ..PeakRules::at_rate(rate) }, rate);
+            let (mut rng, mut peaks, mut errors) = (Rng::new(6), Vec::new(), [0.0_f64; 2]);
+            for _ in 0..60 {
+                let (f, phase) = (rng.between(300.0, 5000.0), rng.between(-3.1, 3.1));
+                let tone = |i: usize| (0.5 * (TAU * f * i as f64 / rate + phase).cos()) as f32;
+                finder.find(&(0..2047).map(tone).collect::<Vec<_>>(), &mut peaks);
+                let found = [peaks[0].frequency - f, 20.0 * (peaks[0].amplitude / 0.5).log10()];
+                errors = [errors[0].max(found[0].abs()), errors[1].max(found[1].abs())];
+            }
+            assert!(errors[0] < hz && errors[1] < db, "{shape:?}: {errors:?}");
+            assert!(errors[0] > 0.5 * hz && errors[1] > 0.5 * db, "{shape:?}: {errors:?}");
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::peaks::{PeakFinder, PeakRules};
 use super::synthesis::add_tracks;
-use super::tracks::{PartialTracker, Track, TrackRules};
+use super::tracks::{PartialTracker, Track, TrackRules, tracks_of};
 use crate::grain::segmentation::{FluxFrames, ONSET_RISE, onsets};
 
 /// A recording as the sum of two.
@@ -19,21 +19,13 @@ pub struct SteadyTransient {
 /// Finds the sinusoidal tracks of a recording; frame `k` is centred on sample `k hop`.
 #[must_use]
 pub fn find_tracks(x: &[f32], peaks: PeakRules, tracks: TrackRules, rate: f64) -> Vec<Track> {
-    let mut finder = PeakFinder::new(peaks, rate);
-    let (mut tracker, mut ended) = (PartialTracker::new(tracks), Vec::new());
-    let (mut found, mut frame) = (Vec::new(), vec![0.0; peaks.window]);
-    let half = (peaks.window / 2) as i64;
-    for k in 0..=x.len() / peaks.hop.max(1) {
-        let first = (k * peaks.hop) as i64 - half;
-        for (i, y) in (first..).zip(frame.iter_mut()) {
-            *y = usize::try_from(i).ok().and_then(|i| x.get(i)).copied().unwrap_or(0.0);
-        }
-        finder.find(&frame, &mut found);
-        tracker.next(&found, &mut ended);
-    }
-    tracker.finish(&mut ended);
-    ended.sort_by_key(|track| track.id);
-    ended
+    let (mut finder, hop) = (PeakFinder::new(peaks, rate), peaks.hop.max(1));
+    let frames = (0..=x.len() / hop).map(|k| {
+        let mut found = Vec::new();
+        finder.find_at(x, (k * hop) as i64, &mut found);
+        found
+    });
+    tracks_of(frames, PartialTracker::new(tracks, peaks.max_peaks, hop as f64 / rate))
 }
 
 /// The sample within reach of an onset at which the signal leaves what was before it.
@@ -48,6 +40,13 @@ fn attack_near(x: &[f32], onset: usize, reach: usize) -> usize {
     near.iter().position(|x| x.abs() > limit).map_or(onset, |k| from + k)
 }
 
+/// The samples at which attacks of a recording begin.
+pub(super) fn attacks(x: &[f32], rate: f64) -> Vec<usize> {
+    let frames = FluxFrames::at_rate(rate);
+    let attack = |onset: usize| attack_near(x, onset, frames.frame);
+    onsets(x, frames, rate, ONSET_RISE).into_iter().map(attack).collect()
+}
+
 /// Splits a recording into its sinusoids and what they leave. `steady + transient` is the recording to rounding.
 ///
 /// # Complexity
@@ -59,9 +58,7 @@ fn attack_near(x: &[f32], onset: usize, reach: usize) -> usize {
 #[must_use]
 pub fn split(x: &[f32], peaks: PeakRules, rules: TrackRules, rate: f64) -> SteadyTransient {
     let tracks = find_tracks(x, peaks, rules, rate);
-    let frames = FluxFrames::at_rate(rate);
-    let attack = |onset: usize| attack_near(x, onset, frames.frame);
-    let attacks: Vec<usize> = onsets(x, frames, rate, ONSET_RISE).into_iter().map(attack).collect();
+    let attacks = attacks(x, rate);
     let mut steady = vec![0.0; x.len()];
     add_tracks(&tracks, &attacks, [peaks.hop, peaks.window / 2], rate, &mut steady);
     let transient = x.iter().zip(&steady).map(|(x, s)| x - s).collect();

@@ -1,7 +1,10 @@
 //! Sinusoids of tracks.
 
+use super::item::TrackPoint;
 use super::peaks::SinePeak;
 use super::tracks::Track;
+use crate::impl_state;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// Tracks that are computed together.
@@ -27,7 +30,7 @@ impl Piece {
     /// McAulay and Quatieri (IEEE TASSP 34(4), 1986), eqs. 34 to 37.
     fn new(from: SinePeak, to: SinePeak, hop: f64, rate: f64) -> Self {
         let [w0, w1] = [from, to].map(|p| TAU * p.frequency / rate);
-        let end = if to.phase.is_nan() { from.phase + 0.5 * (w0 + w1) * hop } else { to.phase };
+        let end = to.phase;
         let turns = (((from.phase + w0 * hop - end) + 0.5 * (w1 - w0) * hop) / TAU).round();
         let d = end - from.phase - w0 * hop + TAU * turns;
         let alpha = 3.0 * d / (hop * hop) - (w1 - w0) / hop;
@@ -36,6 +39,17 @@ impl Piece {
             amplitude: [from.amplitude, to.amplitude],
             phase: from.phase,
             steps: [w0 + alpha + beta, 2.0 * alpha + 6.0 * beta, 6.0 * beta],
+        }
+    }
+
+    /// A quadratic phase from that of `from` on: the frequency is linear, whatever the phase of `to`.
+    fn integrated(from: SinePeak, to: SinePeak, hop: f64, rate: f64) -> Self {
+        let [w0, w1] = [from, to].map(|p| TAU * p.frequency / rate);
+        let alpha = 0.5 * (w1 - w0) / hop;
+        Self {
+            amplitude: [from.amplitude, to.amplitude],
+            phase: from.phase,
+            steps: [w0 + alpha, 2.0 * alpha, 0.0],
         }
     }
 
@@ -78,21 +92,152 @@ fn silent(peak: SinePeak, hop: f64, rate: f64) -> SinePeak {
 }
 
 /// First attack that a track begins with: one within reach of the window of its first frame, before which it is silent.
-fn attack_of(track: &Track, attacks: &[usize], hop: usize, half_window: usize) -> Option<usize> {
-    let first = track.first * hop;
+fn attack_of(first: usize, attacks: &[usize], hop: usize, half_window: usize) -> Option<usize> {
     attacks.iter().copied().find(|o| *o + hop > first && *o < first + half_window)
 }
 
-/// Adds the sinusoids of tracks, whose frame `k` is at sample `k hop`.
+/// What a slot of tracks holds from frame to frame.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct SlotState {
+    /// The track.
+    track: u32,
+    /// Its phase, if it is integrated and not measured.
+    phase: Option<f64>,
+    /// The attack that it begins with.
+    attack: Option<usize>,
+}
+
+/// Adds the sinusoids of tracks, frame by frame.
 ///
-/// A track fades in and out over one hop. A track that begins around one of the `attacks` is silent before it and rises within 2 ms: the
-/// window would spread it `half_window` samples ahead.
+/// A track fades in and out over one hop, and so do the parts of it above 0.45 times the sample rate. At a ratio of 1 phases are cubic and reach those
+/// that were measured. Other ratios multiply the frequencies: from then on the phase of a track is the integral of its frequency, which is
+/// linear within a hop.
+///
+/// A track that begins around an attack is silent before it and rises within 2 ms: the window would spread it half a window ahead.
 ///
 /// # Complexity
 /// O(samples) for each sounding track.
 ///
 /// # Source
 /// McAulay and Quatieri (IEEE TASSP 34(4), 1986), section IV.
+#[derive(Clone, Debug)]
+pub struct TrackSynthesis {
+    hop: usize,
+    half_window: usize,
+    rate: f64,
+    slots: Vec<SlotState>,
+    /// Pieces of a hop with their tracks, and the attacks that they begin with.
+    pieces: Vec<(u32, Piece, Option<usize>)>,
+    /// Those without an attack.
+    plain: Vec<Piece>,
+}
+
+impl_state!(TrackSynthesis { slots });
+
+impl TrackSynthesis {
+    /// A synthesis of so many slots at a rate in Hz.
+    #[must_use]
+    pub fn new(slots: usize, [hop, half_window]: [usize; 2], rate: f64) -> Self {
+        Self {
+            hop: hop.max(1),
+            half_window,
+            rate,
+            slots: vec![SlotState::default(); slots],
+            pieces: Vec::with_capacity(2 * slots),
+            plain: Vec::with_capacity(2 * slots),
+        }
+    }
+
+    /// A point at a ratio; above the highest frequency it is silent.
+    fn scaled(&self, peak: SinePeak, ratio: f64) -> SinePeak {
+        let (frequency, highest) = (ratio * peak.frequency, HIGHEST * self.rate);
+        if frequency > highest {
+            // Measured phases need the measured frequency.
+            let frequency = if ratio == 1.0 { frequency } else { highest };
+            return SinePeak { frequency, amplitude: 0.0, ..peak };
+        }
+        SinePeak { frequency, ..peak }
+    }
+
+    /// Adds the samples between two frames, the first of which has number `frame`, to up to one hop. `ratios` are those at both frames.
+    ///
+    /// # Shapes
+    /// `from` and `to` have a point for each slot.
+    pub fn add(
+        &mut self,
+        frame: usize,
+        [from, to]: [&[TrackPoint]; 2],
+        ratios: [f64; 2],
+        attacks: &[usize],
+        out: &mut [f32],
+    ) {
+        self.pieces.clear();
+        for (k, (from, to)) in from.iter().zip(to).enumerate() {
+            if from.track > 0 {
+                if self.slots[k].track != from.track {
+                    let begins = frame == 0;
+                    let attack = attack_of(0, attacks, self.hop, self.half_window).filter(|_| begins);
+                    self.slots[k] = SlotState { track: from.track, phase: None, attack };
+                }
+                let next = (to.track == from.track).then_some(to.peak);
+                self.go_on(k, from.peak, next, ratios);
+            }
+            if to.track > 0 && to.track != from.track {
+                self.begin(k, *to, frame, ratios[1], attacks);
+            }
+        }
+        self.pieces.sort_unstable_by_key(|piece| piece.0);
+        let (from, rise) = (frame * self.hop, (ATTACK * self.rate) as usize);
+        self.plain.clear();
+        for (_, piece, attack) in &self.pieces {
+            match attack.filter(|o| *o + rise > from) {
+                Some(o) => add_after_attack(piece, from, o, self.hop, self.rate, out),
+                None => self.plain.push(*piece),
+            }
+        }
+        let step = self.hop as f64;
+        self.plain.chunks(LANES).for_each(|pieces| add_pieces(pieces, out, step));
+    }
+
+    /// Continues the track of a slot to its next point, or fades it out.
+    fn go_on(&mut self, k: usize, from: SinePeak, to: Option<SinePeak>, ratios: [f64; 2]) {
+        let SlotState { track, phase, attack } = self.slots[k];
+        let step = self.hop as f64;
+        let start = self.scaled(SinePeak { phase: phase.unwrap_or(from.phase), ..from }, ratios[0]);
+        let piece = if phase.is_none() && ratios == [1.0, 1.0] {
+            let end = to.map_or_else(|| silent(from, step, self.rate), |to| self.scaled(to, 1.0));
+            Piece::new(start, end, step, self.rate)
+        } else {
+            let end = to.map_or(SinePeak { amplitude: 0.0, ..start }, |to| self.scaled(to, ratios[1]));
+            let piece = Piece::integrated(start, end, step, self.rate);
+            self.slots[k].phase = Some(piece.phase(step).rem_euclid(TAU));
+            piece
+        };
+        self.pieces.push((track, piece, attack));
+    }
+
+    /// Fades in a track whose first point is at the frame after `frame`.
+    fn begin(&mut self, k: usize, to: TrackPoint, frame: usize, ratio: f64, attacks: &[usize]) {
+        let step = self.hop as f64;
+        let attack = attack_of((frame + 1) * self.hop, attacks, self.hop, self.half_window);
+        self.slots[k] = SlotState { track: to.track, phase: None, attack };
+        let end = self.scaled(to.peak, ratio);
+        let frequency = if ratio == 1.0 { to.peak.frequency } else { end.frequency };
+        let phase = end.phase - TAU * frequency / self.rate * step;
+        let start = SinePeak { frequency, amplitude: 0.0, phase };
+        let piece = if ratio == 1.0 {
+            Piece::new(start, end, step, self.rate)
+        } else {
+            Piece::integrated(start, end, step, self.rate)
+        };
+        self.pieces.push((to.track, piece, attack));
+    }
+}
+
+/// Adds the sinusoids of tracks in the order of their numbers, whose frame `k` is at sample `k hop`, as [`TrackSynthesis`] does.
+///
+/// # Complexity
+/// O(samples) for each sounding track.
 pub fn add_tracks(
     tracks: &[Track],
     attacks: &[usize],
@@ -100,49 +245,43 @@ pub fn add_tracks(
     rate: f64,
     out: &mut [f32],
 ) {
-    let step = hop as f64;
-    let frames = out.len().div_ceil(hop.max(1));
-    // Pieces of each hop, and those that begin with an attack.
-    let mut by_hop: Vec<Vec<Piece>> = vec![Vec::new(); frames + 1];
-    for track in tracks {
-        let [Some(first), Some(last)] = [track.peaks.first(), track.peaks.last()] else { continue };
-        let mut peaks = track.peaks.clone();
-        let mut phase = first.phase;
-        for k in 0..peaks.len() {
-            if peaks[k].phase.is_nan() {
-                let w = |p: &SinePeak| TAU * p.frequency / rate;
-                peaks[k].phase = phase + 0.5 * step * (w(&peaks[k - 1]) + w(&peaks[k]));
-            }
-            phase = peaks[k].phase;
-            if peaks[k].frequency > HIGHEST * rate {
-                peaks[k].amplitude = 0.0;
-            }
-        }
-        let end = silent(*last, step, rate);
-        let begin =
-            SinePeak { amplitude: 0.0, phase: first.phase - TAU * first.frequency / rate * step, ..*first };
-        let attack = attack_of(track, attacks, hop, half_window);
-        let all = std::iter::once(begin).chain(peaks).chain(std::iter::once(end)).collect::<Vec<_>>();
-        for (k, pair) in all.windows(2).enumerate() {
-            let Some(frame) = (track.first + k).checked_sub(1).filter(|frame| *frame < frames) else {
-                continue;
-            };
-            let piece = Piece::new(pair[0], pair[1], step, rate);
-            match attack.filter(|o| *o + (ATTACK * rate) as usize > frame * hop) {
-                Some(o) => add_after_attack(&piece, frame * hop, o, hop, rate, out),
-                None => by_hop[frame].push(piece),
-            }
+    let hop = hop.max(1);
+    // The tracks in each slot, one after the other; a slot is free after the frame in which a track fades out.
+    let mut slots: Vec<Vec<&Track>> = Vec::new();
+    let end = |track: &Track| track.first + track.peaks.len();
+    for track in tracks.iter().filter(|track| !track.peaks.is_empty()) {
+        let is_free = |slot: &Vec<&Track>| slot.last().is_none_or(|last| end(last) < track.first);
+        match slots.iter().position(is_free) {
+            Some(k) => slots[k].push(track),
+            None => slots.push(vec![track]),
         }
     }
-    for (out, pieces) in out.chunks_mut(hop.max(1)).zip(&by_hop) {
-        pieces.chunks(LANES).for_each(|pieces| add_pieces(pieces, out, step));
+    let mut synthesis = TrackSynthesis::new(slots.len(), [hop, half_window], rate);
+    let mut next = vec![0; slots.len()];
+    let mut points = |frame: usize, points: &mut Vec<TrackPoint>| {
+        points.clear();
+        points.extend(slots.iter().zip(&mut next).map(|(slot, next)| {
+            *next += usize::from(slot.get(*next).is_some_and(|track| end(track) <= frame));
+            let point = slot.get(*next).and_then(|track| {
+                let peak = *track.peaks.get(frame.checked_sub(track.first)?)?;
+                Some(TrackPoint { track: track.id + 1, peak })
+            });
+            point.unwrap_or_default()
+        }));
+    };
+    let (mut from, mut to) = (Vec::new(), Vec::new());
+    points(0, &mut from);
+    for (frame, out) in out.chunks_mut(hop).enumerate() {
+        points(frame + 1, &mut to);
+        synthesis.add(frame, [&from, &to], [1.0, 1.0], attacks, out);
+        std::mem::swap(&mut from, &mut to);
     }
 }
 
-/// Adds a piece with its part before an attack silent.
+/// Adds a piece from sample `from` on, with its part before an attack silent.
 fn add_after_attack(piece: &Piece, from: usize, attack: usize, hop: usize, rate: f64, out: &mut [f32]) {
     let ramp = (ATTACK * rate).max(1.0);
-    for (n, y) in out.iter_mut().skip(from).take(hop).enumerate() {
+    for (n, y) in out.iter_mut().take(hop).enumerate() {
         let since = (from + n) as f64 - attack as f64;
         let gain = (since / ramp).clamp(0.0, 1.0);
         let part = n as f64 / hop as f64;

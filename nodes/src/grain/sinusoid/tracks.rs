@@ -1,7 +1,10 @@
 //! Continuation of peaks from frame to frame into tracks of sinusoids.
 
+use super::item::TrackPoint;
 use super::peaks::SinePeak;
+use crate::impl_state;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 
 /// Rules of the continuation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +26,18 @@ impl TrackRules {
         let min_frames = (0.02 * rate / hop.max(1) as f64).ceil() as usize;
         Self { offset: 20.0, slope: 0.01, min_frames, max_gap: 0 }
     }
+
+    /// Frames after which a frame is complete.
+    #[must_use]
+    pub fn latency(&self) -> usize {
+        self.min_frames.max(1) - 1 + self.max_gap
+    }
+
+    /// Most tracks at a time, of frames of at most `max_peaks` peaks: those that have a peak, and those that have none for a while.
+    #[must_use]
+    pub fn slots(&self, max_peaks: usize) -> usize {
+        max_peaks * (1 + self.max_gap)
+    }
 }
 
 /// A sinusoid over several frames.
@@ -36,18 +51,26 @@ pub struct Track {
     pub peaks: Vec<SinePeak>,
 }
 
-/// A track that may go on.
-#[derive(Clone, Debug)]
-struct Live {
-    track: Track,
-    /// Frames without a peak.
+/// A place for one track at a time.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Slot {
+    /// The track, from 1 on; 0 for none.
+    track: u32,
+    /// Its latest peak.
+    latest: SinePeak,
+    /// Its frames so far, those of bridged gaps included.
+    frames: usize,
+    /// Frames without a peak since.
     asleep: usize,
+    /// True if it has a peak in this frame.
+    taken: bool,
 }
 
 /// Joins peaks of successive frames to tracks.
 ///
 /// Peaks are taken in order of falling amplitude; each continues the free track whose frequency is nearest. Tracks without a peak end, peaks
-/// without a track begin one.
+/// without a track begin one. A frame is complete [`latency`](TrackRules::latency) frames later, when its tracks are known to be long enough
+/// and its gaps are bridged. Nothing is allocated after the construction.
 ///
 /// # Complexity
 /// Peaks times live tracks a frame.
@@ -58,82 +81,162 @@ struct Live {
 #[derive(Clone, Debug)]
 pub struct PartialTracker {
     rules: TrackRules,
-    live: Vec<Live>,
+    /// Phase from frame to frame at 1 Hz, rad.
+    step: f64,
+    slots: Vec<Slot>,
+    /// The latest frames, by their number modulo their count.
+    frames: Vec<Vec<TrackPoint>>,
+    /// The next frame.
     frame: usize,
-    next_id: u32,
-    taken: Vec<bool>,
+    next_track: u32,
+    born: Vec<SinePeak>,
 }
+
+impl_state!(PartialTracker { slots, frames, frame, next_track });
 
 impl PartialTracker {
-    /// A tracker before the first frame.
+    /// A tracker before the first frame of at most `max_peaks` peaks; frames follow each other by `interval` seconds.
     #[must_use]
-    pub fn new(rules: TrackRules) -> Self {
-        Self { rules, live: Vec::new(), frame: 0, next_id: 0, taken: Vec::new() }
+    pub fn new(rules: TrackRules, max_peaks: usize, interval: f64) -> Self {
+        let slots = rules.slots(max_peaks);
+        Self {
+            step: TAU * interval,
+            slots: vec![Slot::default(); slots],
+            frames: vec![vec![TrackPoint::default(); slots]; rules.latency() + 1],
+            frame: 0,
+            next_track: 1,
+            born: Vec::with_capacity(max_peaks),
+            rules,
+        }
     }
 
-    /// Takes the peaks of the next frame, the largest first, and appends the tracks that have ended to `ended`.
-    pub fn next(&mut self, peaks: &[SinePeak], ended: &mut Vec<Track>) {
-        let Self { rules, live, frame, next_id, taken } = self;
-        taken.clear();
-        taken.resize(live.len(), false);
-        let mut born = Vec::new();
-        for peak in peaks {
-            let limit = rules.offset + rules.slope * peak.frequency;
-            let distance =
-                |l: &Live| l.track.peaks.last().map_or(f64::MAX, |p| (p.frequency - peak.frequency).abs());
-            let free = live
-                .iter()
-                .enumerate()
-                .filter(|(k, _)| !taken[*k])
-                .map(|(k, l)| (distance(l), l.track.id, k));
-            match free.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).filter(|(d, ..)| *d < limit) {
-                Some((_, _, k)) => {
-                    taken[k] = true;
-                    let Live { track, asleep } = &mut live[k];
-                    bridge(track, *peak, std::mem::take(asleep));
-                    track.peaks.push(*peak);
-                }
-                None => {
-                    born.push(Live {
-                        track: Track { id: *next_id, first: *frame, peaks: vec![*peak] },
-                        asleep: 0,
-                    });
-                    *next_id += 1;
-                }
+    /// Number of the next frame.
+    #[must_use]
+    pub fn frame(&self) -> usize {
+        self.frame
+    }
+
+    /// Takes the peaks of the next frame, the largest first; those of amplitude 0 are none. Returns the frame that is now complete.
+    ///
+    /// # Shapes
+    /// One point for each slot. Before the first frame, all slots are empty.
+    pub fn next(&mut self, peaks: &[SinePeak]) -> &[TrackPoint] {
+        let (now, count) = (self.frame, self.frames.len());
+        self.frames[now % count].fill(TrackPoint::default());
+        self.slots.iter_mut().for_each(|slot| slot.taken = false);
+        self.born.clear();
+        for peak in peaks.iter().filter(|peak| peak.amplitude > 0.0) {
+            let limit = self.rules.offset + self.rules.slope * peak.frequency;
+            let free = self.slots.iter().enumerate().filter(|(_, slot)| slot.track > 0 && !slot.taken);
+            let nearest = free
+                .map(|(k, slot)| ((slot.latest.frequency - peak.frequency).abs(), slot.track, k))
+                .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            match nearest.filter(|(distance, ..)| *distance < limit) {
+                Some((.., k)) => self.resume(k, *peak),
+                None => self.born.push(*peak),
             }
         }
-        let mut k = 0;
-        live.retain_mut(|l| {
-            let has_peak = taken[k];
-            k += 1;
-            l.asleep += usize::from(!has_peak);
-            let lives = l.asleep <= rules.max_gap;
-            if !lives && l.track.peaks.len() >= rules.min_frames {
-                ended.push(std::mem::take(&mut l.track));
-            }
-            lives
-        });
-        live.extend(born);
-        *frame += 1;
+        (0..self.slots.len()).for_each(|k| self.rest(k));
+        for peak in &self.born {
+            let Some(k) = self.slots.iter().position(|slot| slot.track == 0) else { break };
+            let track = self.next_track;
+            self.slots[k] = Slot { track, latest: *peak, frames: 1, asleep: 0, taken: true };
+            self.frames[now % count][k] = TrackPoint { track, peak: *peak };
+            self.next_track += 1;
+        }
+        self.frame += 1;
+        &self.frames[self.frame % count]
     }
 
-    /// Ends all tracks.
-    pub fn finish(&mut self, ended: &mut Vec<Track>) {
-        let long = self.live.drain(..).map(|l| l.track).filter(|t| t.peaks.len() >= self.rules.min_frames);
-        ended.extend(long);
+    /// Continues the track of a slot with a peak of this frame; frequency and level are linear over a gap, phases follow the frequency.
+    fn resume(&mut self, k: usize, to: SinePeak) {
+        let (now, count) = (self.frame, self.frames.len());
+        let Slot { track, latest: from, asleep, .. } = self.slots[k];
+        let mut before = from;
+        for j in 1..=asleep {
+            let part = j as f64 / (asleep + 1) as f64;
+            let level = (1.0 - part) * from.amplitude.max(1e-12).ln() + part * to.amplitude.max(1e-12).ln();
+            let frequency = from.frequency + part * (to.frequency - from.frequency);
+            let phase = before.phase + 0.5 * self.step * (before.frequency + frequency);
+            before = SinePeak { frequency, amplitude: level.exp(), phase };
+            self.frames[(now - asleep - 1 + j) % count][k] = TrackPoint { track, peak: before };
+        }
+        self.frames[now % count][k] = TrackPoint { track, peak: to };
+        let slot = &mut self.slots[k];
+        *slot = Slot { latest: to, frames: slot.frames + asleep + 1, asleep: 0, taken: true, ..*slot };
+    }
+
+    /// Counts a frame without a peak of the track in a slot: the track ends after too many, and is removed if it was too short.
+    fn rest(&mut self, k: usize) {
+        let (now, count) = (self.frame, self.frames.len());
+        let slot = &mut self.slots[k];
+        if slot.track == 0 || slot.taken {
+            return;
+        }
+        slot.asleep += 1;
+        if slot.asleep <= self.rules.max_gap {
+            return;
+        }
+        if slot.frames < self.rules.min_frames {
+            let end = now - slot.asleep;
+            (end + 1 - slot.frames..=end).for_each(|frame| self.frames[frame % count][k].track = 0);
+        }
+        *slot = Slot::default();
     }
 }
 
-/// Fills a gap of frames: frequency and level are linear, phases follow the frequency.
-fn bridge(track: &mut Track, to: SinePeak, frames: usize) {
-    let Some(from) = track.peaks.last().copied() else { return };
-    for k in 1..=frames {
-        let part = k as f64 / (frames + 1) as f64;
-        let level = (1.0 - part) * from.amplitude.max(1e-12).ln() + part * to.amplitude.max(1e-12).ln();
-        let frequency = from.frequency + part * (to.frequency - from.frequency);
-        // Cubic phases between measured frames bridge what the phases of the gap leave open.
-        track.peaks.push(SinePeak { frequency, amplitude: level.exp(), phase: f64::NAN });
+/// Collects the tracks of complete frames.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TrackList {
+    tracks: Vec<Track>,
+    /// The track in each slot.
+    open: Vec<Option<usize>>,
+}
+
+impl TrackList {
+    /// Adds a frame.
+    pub(super) fn add(&mut self, frame: usize, points: &[TrackPoint]) {
+        self.open.resize(points.len(), None);
+        for (open, point) in self.open.iter_mut().zip(points) {
+            let Some(id) = point.track.checked_sub(1) else {
+                *open = None;
+                continue;
+            };
+            let at = match *open {
+                Some(at) if self.tracks[at].id == id => at,
+                _ => {
+                    self.tracks.push(Track { id, first: frame, peaks: Vec::new() });
+                    self.tracks.len() - 1
+                }
+            };
+            *open = Some(at);
+            self.tracks[at].peaks.push(point.peak);
+        }
     }
+
+    /// The tracks in the order of their numbers.
+    pub(super) fn finish(mut self) -> Vec<Track> {
+        self.tracks.sort_by_key(|track| track.id);
+        self.tracks
+    }
+}
+
+/// Joins the peaks of all frames to tracks.
+pub(super) fn tracks_of(
+    frames: impl IntoIterator<Item = Vec<SinePeak>>,
+    mut tracker: PartialTracker,
+) -> Vec<Track> {
+    let (latency, mut list) = (tracker.rules.latency(), TrackList::default());
+    let mut add = |peaks: &[SinePeak]| {
+        let now = tracker.frame();
+        let points = tracker.next(peaks);
+        if let Some(frame) = now.checked_sub(latency) {
+            list.add(frame, points);
+        }
+    };
+    frames.into_iter().for_each(|peaks| add(&peaks));
+    (0..latency).for_each(|_| add(&[]));
+    list.finish()
 }
 
 #[cfg(test)]
@@ -145,11 +248,7 @@ mod tests {
     }
 
     fn tracks(frames: &[Vec<SinePeak>], rules: TrackRules) -> Vec<Track> {
-        let (mut tracker, mut ended) = (PartialTracker::new(rules), Vec::new());
-        frames.iter().for_each(|peaks| tracker.next(peaks, &mut ended));
-        tracker.finish(&mut ended);
-        ended.sort_by_key(|t| t.id);
-        ended
+        tracks_of(frames.iter().cloned(), PartialTracker::new(rules, 4, 256.0 / 44_100.0))
     }
 
     const RULES: TrackRules = TrackRules { offset: 20.0, slope: 0.01, min_frames: 4, max_gap: 0 };
