@@ -220,12 +220,12 @@ mod tests {
     #[test]
     fn each_window_finds_tones_within_its_own_errors() {
         let rate = 44_100.0;
-        // The errors of tones at random frequencies, in Hz and dB.
+        // The errors of 3000 tones at random frequencies, in Hz and dB.
         for (shape, hz, db) in [
             (PeakWindow::BlackmanHarris, 0.0085, 0.0025),
             (PeakWindow::Blackman, 0.017, 0.005),
-            (PeakWindow::Hann, 0.037, 0.013),
-            (PeakWindow::Hamming, 0.05, 0.02),
+            (PeakWindow::Hann, 0.036, 0.0145),
+            (PeakWindow::Hamming, 0.08, 0.03),
         ] {
             let mut finder = PeakFinder::new(PeakRules { shape, ..PeakRules::at_rate(rate) }, rate);
             let (mut rng, mut peaks, mut errors) = (Rng::new(6), Vec::new(), [0.0_f64; 2]);
@@ -237,7 +237,7 @@ mod tests {
                 errors = [errors[0].max(found[0].abs()), errors[1].max(found[1].abs())];
             }
             assert!(errors[0] < hz && errors[1] < db, "{shape:?}: {errors:?}");
-            assert!(errors[0] > 0.5 * hz && errors[1] > 0.5 * db, "{shape:?}: {errors:?}");
+            assert!(errors[0] > 0.4 * hz && errors[1] > 0.4 * db, "{shape:?}: {errors:?}");
         }
     }
 

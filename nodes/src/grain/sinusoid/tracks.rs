@@ -179,7 +179,8 @@ impl PartialTracker {
         }
         if slot.frames < self.rules.min_frames {
             let end = now - slot.asleep;
-            (end + 1 - slot.frames..=end).for_each(|frame| self.frames[frame % count][k].track = 0);
+            (end + 1 - slot.frames..=end)
+                .for_each(|frame| self.frames[frame % count][k] = TrackPoint::default());
         }
         *slot = Slot::default();
     }
