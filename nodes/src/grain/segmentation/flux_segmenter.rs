@@ -23,8 +23,8 @@ params! {
     /// joined: of the shortest, the cut at the smaller slope of the flux is removed, repeatedly. Segments longer than `longest` are cut where
     /// the flux is steepest. The start and the end are cuts too.
     ///
-    /// The output lags the flux by 2.6 times `longest` less `shortest`, and by 8 hops and four times `smoothing`: 0.21 s with the defaults. Within this
-    /// look-ahead the cuts are those that `GrainDictionary` finds in the recording as a whole. They differ where segments shorter than `shortest`
+    /// The output lags the flux by 2.6 times `longest` less `shortest`, and by six hops and four times `smoothing`: 0.21 s with the
+    /// defaults. Within this look-ahead the cuts are those that `GrainDictionary` finds in the recording as a whole. They differ where segments shorter than `shortest`
     /// follow each other for more than half of `longest`, where no inflection follows within twice `longest`, as in silence, which is then cut
     /// after each `longest`, and in the middle of a flat flux. The report counts the first two cases.
     ///
@@ -173,7 +173,7 @@ impl Node for FluxSegmenter {
 
     fn finish(&mut self, _: FluxSegmenterIo<'_>) -> Result<Summary, Fault> {
         let CutStream { early_joins, early_splits, .. } = self.stream;
-        Ok(vec![("early joins", early_joins.into()), ("early splits", early_splits.into())])
+        Ok(vec![("early_joins", early_joins.into()), ("early_splits", early_splits.into())])
     }
 
     archive_state!(stream, first, received, cuts, onsets);
