@@ -42,7 +42,8 @@ impl Distortion {
                 continue;
             }
             let at = |n: usize| sound.get(k * len + n).copied().unwrap_or(0.0);
-            let noise: f64 = x.iter().enumerate().map(|(n, x)| (f64::from(*x) - f64::from(at(n))).powi(2)).sum();
+            let noise: f64 =
+                x.iter().enumerate().map(|(n, x)| (f64::from(*x) - f64::from(at(n))).powi(2)).sum();
             let ratio = 10.0 * (signal / noise.max(1e-30)).log10();
             self.ratios += ratio.clamp(RATIO[0], RATIO[1]);
             self.segments += 1;
@@ -52,7 +53,8 @@ impl Distortion {
     fn add_distances(&mut self, reference: &[f32], sound: &[f32], rate: f64) {
         let size = ((FRAME * rate) as usize).max(16).next_power_of_two();
         let plan = RealFftPlanner::<f64>::new().plan_fft_forward(size);
-        let window: Vec<f64> = (0..size).map(|i| 0.5 - 0.5 * (2.0 * PI * i as f64 / size as f64).cos()).collect();
+        let window: Vec<f64> =
+            (0..size).map(|i| 0.5 - 0.5 * (2.0 * PI * i as f64 / size as f64).cos()).collect();
         let (mut input, mut spectrum) = (plan.make_input_vec(), plan.make_output_vec());
         let mut powers = |x: &[f32], start: usize| -> Vec<f64> {
             for (i, (y, w)) in input.iter_mut().zip(&window).enumerate() {
@@ -72,8 +74,7 @@ impl Distortion {
         for [x, y] in all.iter().filter(|[x, _]| total(x) > limit && total(x) > 0.0) {
             // Bins far below the mean of the frame do not count.
             let floor = total(x) / x.len() as f64 * 10f64.powf(QUIET / 10.0);
-            let square =
-                |(x, y): (&f64, &f64)| (10.0 * (x.max(floor) / y.max(floor)).log10()).powi(2);
+            let square = |(x, y): (&f64, &f64)| (10.0 * (x.max(floor) / y.max(floor)).log10()).powi(2);
             let mean = x.iter().zip(y).map(square).sum::<f64>() / x.len() as f64;
             self.distances += mean.sqrt();
             self.frames += 1;

@@ -1,7 +1,7 @@
 //! Dictionaries of grains.
 
-pub mod extraction;
 mod coding;
+pub mod extraction;
 mod file;
 pub mod grain_dictionary;
 pub mod grain_dictionary_file;

@@ -93,7 +93,11 @@ mod tests {
         assert!(some.bytes() < all.bytes());
         let old = all.grains.iter().zip(&retained).filter(|(_, r)| **r).map(|(g, _)| g);
         for (old, new) in old.zip(&some.grains) {
-            let error = all.windowed(old).iter().zip(some.windowed(new)).fold(0.0_f32, |e, (x, y)| e.max((x - y).abs()));
+            let error = all
+                .windowed(old)
+                .iter()
+                .zip(some.windowed(new))
+                .fold(0.0_f32, |e, (x, y)| e.max((x - y).abs()));
             // Margins are rounded to 16 bits again.
             assert!(error < 1e-4, "{error}");
             assert_eq!((old.start, old.source, old.len), (new.start, new.source, new.len));

@@ -62,7 +62,8 @@ pub fn substitutes(
         let substitute = best.map(|(leader, lag, c)| Substitute {
             grain: *leader,
             lag: *lag,
-            gain: (f64::from(*c) * norms[grain as usize] / norms[*leader as usize].max(f64::MIN_POSITIVE)) as f32,
+            gain: (f64::from(*c) * norms[grain as usize] / norms[*leader as usize].max(f64::MIN_POSITIVE))
+                as f32,
             correlation: c.abs(),
         });
         all[grain as usize] = Some(substitute.unwrap_or_else(|| own(grain)));
@@ -107,7 +108,9 @@ fn without_doubles(pattern: &mut Pattern, dictionary: &GrainDictionary) {
         for k in same {
             let near = last.filter(|l| pattern.peaks[*k].t - pattern.peaks[*l].t < apart);
             match near {
-                Some(l) if pattern.peaks[*k].correlation <= pattern.peaks[l].correlation => dropped[*k] = true,
+                Some(l) if pattern.peaks[*k].correlation <= pattern.peaks[l].correlation => {
+                    dropped[*k] = true
+                }
                 Some(l) => (dropped[l], last) = (true, Some(*k)),
                 None => last = Some(*k),
             }
@@ -128,7 +131,8 @@ pub fn merged(
     margin: usize,
 ) -> Reduced {
     let retained: Vec<bool> = substitutes.iter().enumerate().map(|(k, s)| s.grain as usize == k).collect();
-    let reduced = if retained.iter().all(|r| *r) { dictionary.clone() } else { dictionary.subset(&retained, margin) };
+    let reduced =
+        if retained.iter().all(|r| *r) { dictionary.clone() } else { dictionary.subset(&retained, margin) };
     let index = renumbered(&retained);
     let rewritten = |pattern: &Pattern| {
         let peak = |peak: &Peak| {

@@ -39,9 +39,8 @@ struct Point {
 
 /// The grains of the walk through each pattern, and no others.
 fn walked(patterns: &CorrelationPatterns, dictionary: &GrainDictionary) -> CorrelationPatterns {
-    let of_pattern = |pattern: &Pattern| {
-        sequence(pattern, &walk(pattern, dictionary, GapRule::Extend), pattern.frames)
-    };
+    let of_pattern =
+        |pattern: &Pattern| sequence(pattern, &walk(pattern, dictionary, GapRule::Extend), pattern.frames);
     CorrelationPatterns { patterns: patterns.patterns.iter().map(of_pattern).collect(), ..patterns.clone() }
 }
 
@@ -68,7 +67,12 @@ fn measure(originals: &[Vec<f32>], names: &[&str], stored: &Reduced) -> Point {
 }
 
 /// Grains in random order, as many as fit into a budget.
-fn random_grains(dictionary: &GrainDictionary, budget: usize, margin: usize, random: impl Fn(u64) -> f64) -> Vec<bool> {
+fn random_grains(
+    dictionary: &GrainDictionary,
+    budget: usize,
+    margin: usize,
+    random: impl Fn(u64) -> f64,
+) -> Vec<bool> {
     let mut order: Vec<(f64, usize)> = (0..dictionary.len()).map(|k| (random(k as u64), k)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let of_first = |count: usize| {
@@ -80,7 +84,11 @@ fn random_grains(dictionary: &GrainDictionary, budget: usize, margin: usize, ran
     let (mut fits, mut exceeds) = (0, dictionary.len() + 1);
     while exceeds - fits > 1 {
         let count = fits.midpoint(exceeds);
-        if dictionary.subset(&of_first(count), margin).bytes() <= budget { fits = count } else { exceeds = count }
+        if dictionary.subset(&of_first(count), margin).bytes() <= budget {
+            fits = count
+        } else {
+            exceeds = count
+        }
     }
     of_first(fits)
 }
@@ -132,24 +140,26 @@ pub fn compression_table(
             .into_iter()
             .chain([const { Cell::Empty }; 4]),
     );
-    let row = |method: &str, setting: Option<f64>, p: &Point, figures: [f64; 2], deviations: [Option<f64>; 2]| {
-        let [ratio, distance] = figures;
-        let [of_ratio, of_distance] = deviations;
-        [
-            method.into(),
-            setting.into(),
-            p.grains.into(),
-            p.bytes[0].into(),
-            p.bytes[1].into(),
-            share(p.bytes).into(),
-            ratio.into(),
-            distance.into(),
-            of_ratio.into(),
-            of_distance.into(),
-        ]
-    };
+    let row =
+        |method: &str, setting: Option<f64>, p: &Point, figures: [f64; 2], deviations: [Option<f64>; 2]| {
+            let [ratio, distance] = figures;
+            let [of_ratio, of_distance] = deviations;
+            [
+                method.into(),
+                setting.into(),
+                p.grains.into(),
+                p.bytes[0].into(),
+                p.bytes[1].into(),
+                share(p.bytes).into(),
+                ratio.into(),
+                distance.into(),
+                of_ratio.into(),
+                of_distance.into(),
+            ]
+        };
     let figures = |p: &Point| [p.error.segmental_ratio(), p.error.log_spectral_distance()];
-    let steps = (2 + rules.bits.len() + rules.merge.len() + rules.shares.len() * (1 + rules.random_sets)) as f64;
+    let steps =
+        (2 + rules.bits.len() + rules.merge.len() + rules.shares.len() * (1 + rules.random_sets)) as f64;
     let mut done = 0.0;
     let mut curves: Vec<(&str, Vec<[f64; 3]>)> = Vec::new();
     let mut advance = || {
@@ -164,7 +174,8 @@ pub fn compression_table(
         }
     };
     let sequences = walked(patterns, dictionary);
-    let all = measure(&originals, &names, &Reduced { dictionary: dictionary.clone(), patterns: sequences.clone() });
+    let all =
+        measure(&originals, &names, &Reduced { dictionary: dictionary.clone(), patterns: sequences.clone() });
     table.push(row("all grains", None, &all, figures(&all), [None; 2]));
     add("all grains", &all, figures(&all));
     advance()?;
@@ -217,7 +228,12 @@ pub fn compression_table(
             if points.len() > 1 { Line::new(*name, points) } else { Line::dots(*name, points) }
         };
         let lines = curves.iter().map(line).collect();
-        table.charts.push(Chart::of(title, ("share of the bytes of the recordings", false), (title, false), lines));
+        table.charts.push(Chart::of(
+            title,
+            ("share of the bytes of the recordings", false),
+            (title, false),
+            lines,
+        ));
     }
     Some(table)
 }

@@ -37,7 +37,10 @@ pub struct SimilarPair {
 pub fn norms(dictionary: &GrainDictionary) -> Vec<f64> {
     let energy = |x: Vec<f32>| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
     let norm = |grain: &Grain| -> f64 {
-        (0..dictionary.channels(grain)).map(|c| energy(dictionary.windowed_channel(grain, c))).sum::<f64>().sqrt()
+        (0..dictionary.channels(grain))
+            .map(|c| energy(dictionary.windowed_channel(grain, c)))
+            .sum::<f64>()
+            .sqrt()
     };
     dictionary.grains.par_iter().map(norm).collect()
 }
@@ -95,9 +98,11 @@ pub(crate) fn grain_features(dictionary: &GrainDictionary, grains: &[usize]) -> 
 /// Pairs of each point and its `count` nearest ones of similar length. The points are sorted by length.
 fn neighbours(points: &[[f64; DIMS]], lengths: &[usize], count: usize) -> Vec<[usize; 2]> {
     let of_point = |i: usize| -> Vec<[usize; 2]> {
-        let fits = |j: &usize| *j != i && {
-            let (short, long) = (lengths[i].min(lengths[*j]), lengths[i].max(lengths[*j]));
-            long as f64 <= LENGTH_RATIO * short as f64
+        let fits = |j: &usize| {
+            *j != i && {
+                let (short, long) = (lengths[i].min(lengths[*j]), lengths[i].max(lengths[*j]));
+                long as f64 <= LENGTH_RATIO * short as f64
+            }
         };
         let first = lengths.partition_point(|len| (*len as f64) * LENGTH_RATIO < lengths[i] as f64);
         let last = lengths.partition_point(|len| *len as f64 <= LENGTH_RATIO * lengths[i] as f64);
@@ -236,7 +241,11 @@ fn pairs_of_group(
                 let norm = norms[a] * norms[b];
                 let correlation = if norm > 0.0 { (f64::from(product) / norm) as f32 } else { 0.0 };
                 let (grains, lag) = if a < b { ([a, b], lag) } else { ([b, a], -lag) };
-                SimilarPair { grains: grains.map(|k| k as u32), lag, correlation: correlation.clamp(-1.0, 1.0) }
+                SimilarPair {
+                    grains: grains.map(|k| k as u32),
+                    lag,
+                    correlation: correlation.clamp(-1.0, 1.0),
+                }
             };
             same.iter().map(pair).filter(|pair| pair.correlation.abs() >= LEAST).collect()
         };

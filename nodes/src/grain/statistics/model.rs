@@ -64,7 +64,9 @@ pub enum ModelError {
         found: u32,
     },
     /// A model of another dictionary.
-    #[error("the model belongs to another dictionary: its digest is {wanted}, that of the dictionary here {found}")]
+    #[error(
+        "the model belongs to another dictionary: its digest is {wanted}, that of the dictionary here {found}"
+    )]
     Dictionary {
         /// Digest of the linked dictionary.
         found: String,
@@ -106,7 +108,8 @@ pub(super) fn normal_share(z: f64) -> f64 {
 pub fn lag_correlation(series: &[&[f64]]) -> f64 {
     let count: usize = series.iter().map(|x| x.len()).sum();
     let mean = series.iter().flat_map(|x| x.iter()).sum::<f64>() / count.max(1) as f64;
-    let variance = series.iter().flat_map(|x| x.iter()).map(|x| (x - mean).powi(2)).sum::<f64>() / count.max(1) as f64;
+    let variance =
+        series.iter().flat_map(|x| x.iter()).map(|x| (x - mean).powi(2)).sum::<f64>() / count.max(1) as f64;
     let pairs: Vec<f64> =
         series.iter().flat_map(|x| x.windows(2)).map(|w| (w[0] - mean) * (w[1] - mean)).collect();
     if variance <= 0.0 || pairs.is_empty() {
@@ -119,18 +122,16 @@ pub fn lag_correlation(series: &[&[f64]]) -> f64 {
 fn persistence(levels: &[f64], wanted: f64) -> f64 {
     // Pairs of independent normal variables, the same for all trials.
     let mut rng = Rng::new(7);
-    let pairs: Vec<[f64; 2]> = (0..20_000)
-        .map(|_| [(); 2].map(|()| normal_quantile(rng.between(1e-9, 1.0 - 1e-9))))
-        .collect();
+    let pairs: Vec<[f64; 2]> =
+        (0..20_000).map(|_| [(); 2].map(|()| normal_quantile(rng.between(1e-9, 1.0 - 1e-9)))).collect();
     let level = |z: f64| quantile(levels, normal_share(z));
     let correlation = |phi: f64| -> f64 {
         let rest = (1.0 - phi * phi).max(0.0).sqrt();
         let both: Vec<[f64; 2]> = pairs.iter().map(|[z, e]| [level(*z), level(phi * z + rest * e)]).collect();
         let mean = |k: usize| both.iter().map(|p| p[k]).sum::<f64>() / both.len() as f64;
         let means = [mean(0), mean(1)];
-        let moment = |j: usize, k: usize| -> f64 {
-            both.iter().map(|p| (p[j] - means[j]) * (p[k] - means[k])).sum()
-        };
+        let moment =
+            |j: usize, k: usize| -> f64 { both.iter().map(|p| (p[j] - means[j]) * (p[k] - means[k])).sum() };
         moment(0, 1) / (moment(0, 0) * moment(1, 1)).sqrt().max(f64::MIN_POSITIVE)
     };
     let (mut low, mut high) = (-0.999, 0.999);
@@ -181,7 +182,8 @@ pub fn envelope_at(envelope: &[f64], share: f64) -> f64 {
     let last = envelope.len().saturating_sub(1);
     let at = (share * envelope.len() as f64 - 0.5).clamp(0.0, last as f64);
     let k = at as usize;
-    let (x, y) = (envelope.get(k).copied().unwrap_or(1.0), envelope.get((k + 1).min(last)).copied().unwrap_or(1.0));
+    let (x, y) =
+        (envelope.get(k).copied().unwrap_or(1.0), envelope.get((k + 1).min(last)).copied().unwrap_or(1.0));
     x + (y - x) * (at - k as f64)
 }
 
@@ -235,7 +237,8 @@ pub fn fit(
     let mut counts = vec![0.0; n * n];
     let mut first = vec![0.0; n];
     for (_, steps) in &walks {
-        let clusters: Vec<usize> = steps.iter().map(|s| of.get(s.grain as usize).copied().unwrap_or(0)).collect();
+        let clusters: Vec<usize> =
+            steps.iter().map(|s| of.get(s.grain as usize).copied().unwrap_or(0)).collect();
         clusters.windows(2).for_each(|w| counts[w[0] * n + w[1]] += 1.0);
         for (step, cluster) in steps.iter().zip(&clusters) {
             members[*cluster].push(step.grain);
@@ -289,7 +292,8 @@ impl PatternModel {
         let n = self.clusters.len();
         let rises = |x: &[f64]| !x.is_empty() && x.iter().all(|x| x.is_finite()) && x.is_sorted();
         let is_chance = |x: &[f64]| x.iter().all(|x| (0.0..=1.0).contains(x));
-        let enters_empty = |row: &[f64]| row.iter().zip(&self.clusters).any(|(p, c)| *p > 0.0 && c.is_empty());
+        let enters_empty =
+            |row: &[f64]| row.iter().zip(&self.clusters).any(|(p, c)| *p > 0.0 && c.is_empty());
         let damaged = |field| Err(ModelError::Damaged { field });
         if !rises(&self.intervals) || self.intervals[0] < 1.0 {
             return damaged("intervals");
@@ -304,7 +308,10 @@ impl PatternModel {
             return damaged("first");
         }
         let rows = self.transitions.chunks(n);
-        if self.transitions.len() != n * n || !is_chance(&self.transitions) || rows.into_iter().any(enters_empty) {
+        if self.transitions.len() != n * n
+            || !is_chance(&self.transitions)
+            || rows.into_iter().any(enters_empty)
+        {
             return damaged("transitions");
         }
         if self.envelope.len() != ENVELOPE || !self.envelope.iter().all(|x| x.is_finite() && *x > 0.0) {

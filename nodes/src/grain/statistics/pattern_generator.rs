@@ -80,11 +80,8 @@ impl Func for PatternGenerator {
             let help = "give both PatternStatistics the same `clusters`";
             return Err(Fault::new("F151", message).at("second").help(help));
         }
-        let rules = GeneratorRules {
-            density: p.density,
-            gain: 10f64.powf(p.loudness / 20.0),
-            blend: p.blend,
-        };
+        let rules =
+            GeneratorRules { density: p.density, gain: 10f64.powf(p.loudness / 20.0), blend: p.blend };
         let frames = (p.seconds * dictionary.rate).round().max(1.0) as u64;
         if frames > u64::from(u32::MAX) {
             let message = format!("{} s are {frames} samples; a pattern has up to {}", p.seconds, u32::MAX);
@@ -96,10 +93,8 @@ impl Func for PatternGenerator {
         let about = Pattern { name: "generated".to_owned(), frames, ..Pattern::default() };
         let grains = steps.len();
         let pattern = sequence(&about, &steps, frames);
-        io.generated.set(CorrelationPatterns {
-            patterns: vec![pattern],
-            ..CorrelationPatterns::none(dictionary)
-        });
+        io.generated
+            .set(CorrelationPatterns { patterns: vec![pattern], ..CorrelationPatterns::none(dictionary) });
         Ok(vec![("grains", grains.into()), ("seconds", p.seconds.into())])
     }
 

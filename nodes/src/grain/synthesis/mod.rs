@@ -18,5 +18,5 @@ pub use contact_pairs::ContactPairs;
 pub use impact_voices::ImpactVoices;
 pub use repertoire::{ContactSound, ImpactSound, RepertoireRules, contact_sounds, impact_sounds, sources_of};
 pub use segment::{Fade, FadeShape, GrainSegment, GrainStep, join, segments, single, sound_of};
-pub use walk::{GapRule, VariationRules, frames_of, onset_steps, sequence, time_scaled, varied, walk};
 pub(crate) use selection::check_patterns;
+pub use walk::{GapRule, VariationRules, frames_of, onset_steps, sequence, time_scaled, varied, walk};

@@ -1,7 +1,7 @@
 //! The node `PatternReport`.
 
-use super::selection::check_patterns;
 use super::segment::{GrainStep, sound_of};
+use super::selection::check_patterns;
 use super::walk::{GapRule, walk};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;

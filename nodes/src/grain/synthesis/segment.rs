@@ -355,7 +355,9 @@ mod tests {
         let (first, second) = (dictionary.grains[0], dictionary.grains[1]);
         let run = dictionary.runs[first.run as usize];
         let samples = dictionary.run(first.run, 0).to_vec();
-        dictionary.runs.push(crate::grain::dictionary::Run { offset: dictionary.samples.len() as u64, ..run });
+        dictionary
+            .runs
+            .push(crate::grain::dictionary::Run { offset: dictionary.samples.len() as u64, ..run });
         dictionary.samples.extend(samples);
         let index = dictionary.runs.len() as u32 - 1;
         dictionary.grains.push(Grain { run: index, ..second });

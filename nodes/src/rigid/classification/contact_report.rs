@@ -272,8 +272,8 @@ impl Node for ContactReport {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::random::Rng;
     use crate::core::item::Event;
+    use crate::core::random::Rng;
     use crate::core::time::ticks;
     use crate::rigid::item::ContactFrame;
 
@@ -286,7 +286,14 @@ mod tests {
             force: 10.0,
             ..ContactFrame::trial(&mut Rng::new(1))
         };
-        ContactState { frame, state, power: 2.0, sliding: 0.2, rolling: 0.0, ..ContactState::trial(&mut Rng::new(2)) }
+        ContactState {
+            frame,
+            state,
+            power: 2.0,
+            sliding: 0.2,
+            rolling: 0.0,
+            ..ContactState::trial(&mut Rng::new(2))
+        }
     }
 
     #[test]

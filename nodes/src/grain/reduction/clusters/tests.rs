@@ -45,7 +45,9 @@ fn a_correlation_of_1_merges_scaled_copies_only() {
     let (runs, frames) = (one.runs.len() as u32, one.samples.len() as u64);
     two.sources.extend(one.sources.clone());
     two.samples.extend(one.samples.iter().map(|x| -0.5 * x));
-    two.runs.extend(one.runs.iter().map(|run| crate::grain::dictionary::Run { offset: run.offset + frames, ..*run }));
+    two.runs.extend(
+        one.runs.iter().map(|run| crate::grain::dictionary::Run { offset: run.offset + frames, ..*run }),
+    );
     two.grains.extend(one.grains.iter().map(|g| crate::grain::Grain {
         source: 1,
         run: g.run + runs,

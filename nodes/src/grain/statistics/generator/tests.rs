@@ -21,7 +21,8 @@ fn crackle(n: usize, seed: u64) -> Vec<f32> {
         for (i, y) in x[t as usize..].iter_mut().enumerate().take(900) {
             let noise = 0.3 * rng.between(-1.0, 1.0);
             let i = i as f64;
-            *y += (amplitude * (-i / decay).exp() * ((std::f64::consts::TAU * pitch * i).sin() + noise)) as f32;
+            *y +=
+                (amplitude * (-i / decay).exp() * ((std::f64::consts::TAU * pitch * i).sin() + noise)) as f32;
         }
         t += rng.between(400.0, 1600.0);
     }
@@ -46,7 +47,12 @@ fn model_of(dictionary: &GrainDictionary, patterns: &[Pattern]) -> PatternModel 
     model
 }
 
-fn many(models: [&PatternModel; 2], dictionary: &GrainDictionary, blend: f64, count: usize) -> Vec<GeneratedGrain> {
+fn many(
+    models: [&PatternModel; 2],
+    dictionary: &GrainDictionary,
+    blend: f64,
+    count: usize,
+) -> Vec<GeneratedGrain> {
     let random = Random::new(11, "generator");
     let rules = GeneratorRules { blend, ..GeneratorRules::default() };
     let mut generator = Generator::default();
@@ -111,7 +117,8 @@ fn between_two_models_quantiles_are_interpolated() {
     let grains = many([&slow, &fast], &dictionary, 0.5, 20_000);
     let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
     let interval = mean(&grains.iter().map(|g| g.interval).collect::<Vec<_>>());
-    let wanted = mean(&many([&slow, &slow], &dictionary, 0.0, 20_000).iter().map(|g| g.interval).collect::<Vec<_>>());
+    let wanted =
+        mean(&many([&slow, &slow], &dictionary, 0.0, 20_000).iter().map(|g| g.interval).collect::<Vec<_>>());
     assert!((interval / wanted - 0.75).abs() < 0.01, "{interval} {wanted}");
     let levels: Vec<f64> = grains.iter().map(|g| g.level).collect();
     assert!((mean(&levels) - mean(&slow.levels) - 3.0).abs() < 0.3);
