@@ -42,7 +42,7 @@ params! {
         /// Inflection points that become cuts.
         cuts: CutKind = CutKind::Both;
         /// Rise of the onset strength over its mean that makes an onset.
-        onset_rise: f64 = 0.5, unit "", range 0.0..=10.0;
+        onset_rise: f64 = 0.4, unit "", range 0.0..=10.0;
         /// Share of both tapers in a grain.
         taper: f64 = 0.02, unit "", range 0.0..=0.5;
         /// Shape of the tapers.

@@ -176,6 +176,8 @@ impl Func for GrainRecordingsNode {
     type Params = GrainRecordingsParams;
     type Ports = GrainRecordingsPorts;
     const NAME: &'static str = "GrainRecordings";
+    // Attacks of steady parts are where onsets are.
+    const VERSION: u32 = 2;
     // Recordings are named after their files.
     const EXPOSES_PATHS: bool = true;
 

@@ -6,7 +6,7 @@ use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
 
 /// Default rise of the strength over its mean.
-pub const ONSET_RISE: f64 = 0.5;
+pub const ONSET_RISE: f64 = 0.4;
 /// Bands of the spectrum.
 const BANDS: usize = 24;
 /// Lowest band, Hz.
@@ -14,7 +14,7 @@ const LOWEST: f64 = 60.0;
 /// Level at which the compression of a band begins, relative to the loudest band of the recording: -50 dB.
 const KNEE: f64 = 316.0;
 /// Durations around a peak: in which it is the greatest, in which its mean is taken, and from one onset to the next, s.
-const AROUND: [f64; 3] = [0.05, 0.1, 0.05];
+const AROUND: [f64; 3] = [0.03, 0.1, 0.03];
 /// Frames over which a rise is measured.
 const LAG: usize = 4;
 

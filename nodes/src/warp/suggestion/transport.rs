@@ -178,7 +178,7 @@ impl<'a> Scaling<'a> {
 /// for any number of them.
 pub(super) fn transported(a: &Cloud, b: &Cloud) -> Points {
     let dims = b.points.dims;
-    if a.points.len() == 0 || b.points.len() == 0 {
+    if a.points.is_empty() || b.points.is_empty() {
         return Points { dims, at: Vec::new() };
     }
     let mut scaling = Scaling::new(a, b);
