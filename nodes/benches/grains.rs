@@ -4,6 +4,7 @@
 //! 5171 grains, which took 11 minutes and 4 hours. By default every eighth recording is correlated; `FOLEY_GRAINS_WHOLE=1` does all.
 
 use foley_nodes::core::random::Rng;
+use foley_nodes::core::shape::NotStored;
 use foley_nodes::grain::correlation::{CorrelateRules, correlate, memory};
 use foley_nodes::grain::dictionary::{ExtractRules, extract};
 use foley_nodes::grain::recording::{Component, GrainRecording, GrainRecordings, Part, SourceKind};
@@ -71,7 +72,8 @@ fn main() {
     for threads in [1, threads] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         let start = Instant::now();
-        let patterns = pool.install(|| correlate(&part, &dictionary, &CorrelateRules::default(), &|_| false));
+        let patterns = pool
+            .install(|| correlate(&part, &dictionary, &CorrelateRules::default(), &|_| false, &NotStored));
         let seconds = start.elapsed().as_secs_f64();
         let peaks: usize = patterns.iter().flat_map(|p| &p.patterns).map(|p| p.peaks.len()).sum();
         let products = samples as f64 * dictionary.len() as f64;

@@ -5,12 +5,14 @@ use super::entry::{Entry, NodeSummary, Output};
 use super::graph_memo::Memo;
 use super::key::{Key, Keys};
 use super::memory::{CachedEntry, Hit};
+use super::store::Store;
 use super::stream::{Codec, PartialStream, Source};
 use crate::graph::Graph;
 use crate::plan::Plan;
 use foley_nodes::core::files::Files;
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::ports::PortKind;
+use foley_nodes::core::shape::Partial;
 use serde_json::{Map, Value};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -36,6 +38,31 @@ fn port_key(node: blake3::Hash, port: &str) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(b"stream").update(node.as_bytes()).update(port.as_bytes());
     hasher.finalize().to_string()
+}
+
+/// Partial results of a node, as an entry of the cache.
+pub struct StoredPartial<'a> {
+    store: &'a Store,
+    entry: Entry,
+    used: HashSet<String>,
+}
+
+impl StoredPartial<'_> {
+    /// Removes them: the computation has come to its end.
+    pub fn remove(&self) {
+        self.store.remove(&self.entry.key);
+    }
+}
+
+impl Partial for StoredPartial<'_> {
+    fn load(&self) -> Option<Vec<u8>> {
+        // What is damaged is computed again.
+        self.store.read(&self.entry.key).ok().flatten().map(|(_, payload)| payload)
+    }
+
+    fn save(&self, bytes: &[u8]) {
+        let _ = self.store.write(&self.entry, bytes, &self.used);
+    }
 }
 
 /// The cache during one run: looks up nodes, and stores the results of those that were computed.
@@ -112,6 +139,21 @@ impl<'a> RunCache<'a> {
             self.warn_unusable(n, &format!("{key}.memo"), &reason);
             None
         })
+    }
+
+    /// What an interrupted computation of a node left; `None` for a node that is not cached. [`Self::look_up`] comes before it.
+    #[must_use]
+    pub fn partial(&self, n: usize) -> Option<StoredPartial<'a>> {
+        let key = self.hashes.get(&n)?;
+        let node = &self.graph.nodes[n];
+        let entry = Entry {
+            key: blake3::hash(format!("partial {key}").as_bytes()).to_string(),
+            kind: node.ty.name.to_owned(),
+            version: node.ty.version,
+            node: node.id.clone(),
+            ..Entry::default()
+        };
+        Some(StoredPartial { store: self.memo.store(), entry, used: self.used.clone() })
     }
 
     fn warn_unusable(&mut self, n: usize, file: &str, reason: &str) {

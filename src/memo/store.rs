@@ -89,6 +89,11 @@ impl Store {
         bytes <= self.cap && self.evict(self.cap - bytes, used) <= self.cap - bytes
     }
 
+    /// Removes the entry of a key, if there is one.
+    pub fn remove(&self, key: &str) {
+        let _ = fs::remove_file(self.path(key));
+    }
+
     /// Reads the header of an entry without its values; `None` if there is none that can be read.
     #[must_use]
     pub fn peek(&self, key: &str) -> Option<Entry> {

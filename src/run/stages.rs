@@ -12,7 +12,9 @@ use foley_nodes::core::input::{Inputs, NoInputs};
 use foley_nodes::core::node::DynNode;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::random::Random;
-use foley_nodes::core::shape::{Background, Build, LinkShape, Monitor, NodeShape, unmonitored};
+use foley_nodes::core::shape::{
+    Background, Build, LinkShape, Monitor, NodeShape, NotStored, Partial, unmonitored,
+};
 use foley_nodes::core::stage::{InWire, OutWire, Stage, StageNode};
 use foley_nodes::core::time::Tick;
 use std::cell::RefCell;
@@ -41,6 +43,8 @@ pub struct BuildSite<'a> {
     pub seed: u64,
     /// Watches long computations.
     pub monitor: &'a Monitor<'a>,
+    /// What interrupted computations left.
+    pub partial: &'a dyn Partial,
 }
 
 impl<'a> BuildSite<'a> {
@@ -58,6 +62,7 @@ impl<'a> BuildSite<'a> {
             inputs: &NoInputs,
             seed: job.seed,
             monitor: &unmonitored,
+            partial: &NotStored,
         }
     }
 
@@ -87,6 +92,7 @@ impl<'a> BuildSite<'a> {
             outputs: self.outputs,
             inputs: self.inputs,
             monitor: self.monitor,
+            partial: self.partial,
             background: &BACKGROUND,
         }
     }

@@ -6,6 +6,7 @@ use super::report::Report;
 use super::stages::BuildSite;
 use crate::diag::Diagnostic;
 use crate::memo::{Hit, RunCache};
+use foley_nodes::core::shape::{NotStored, Partial};
 use foley_nodes::core::stage::{Cx, InWire, OutWire};
 use std::cell::RefCell;
 use std::sync::atomic::Ordering;
@@ -49,7 +50,9 @@ pub fn evaluate(
         let outputs: Vec<OutWire> =
             node.ty.outputs.iter().map(|_| OutWire::Value(RefCell::default())).collect();
         let monitor = |share: f64| job.progress.watch(&node.id, share);
-        let site = BuildSite { monitor: &monitor, ..BuildSite::of(job) };
+        let stored = cache.as_ref().and_then(|cache| cache.partial(n));
+        let partial: &dyn Partial = stored.as_ref().map_or(&NotStored, |stored| stored);
+        let site = BuildSite { monitor: &monitor, partial, ..BuildSite::of(job) };
         let links = site.links(n, values);
         let cx = site.build_cx(n, &links);
         let (start, notes) = (Instant::now(), report.notes.len());
@@ -57,6 +60,9 @@ pub fn evaluate(
         let time = start.elapsed();
         let done = result.is_ok();
         job.progress.end_value();
+        if let Some(stored) = stored.filter(|_| done) {
+            stored.remove();
+        }
         match result {
             Ok(summary) => report.add(n, time, 1, summary),
             Err(_) if job.progress.stop.load(Ordering::SeqCst) => return Err(vec![stopped(None)]),

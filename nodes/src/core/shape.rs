@@ -366,8 +366,34 @@ pub struct Build<'a> {
     pub inputs: &'a dyn Inputs,
     /// Watches a long computation.
     pub monitor: &'a Monitor<'a>,
+    /// What an interrupted computation of the same value left.
+    pub partial: &'a dyn Partial,
     /// Runs work beside the graph.
     pub background: &'a Background,
+}
+
+/// Results of a long computation that a later run of it can go on from, if it is stopped or killed.
+///
+/// They belong to the content of all inputs and parameters of a node. A value node that takes minutes saves now and then what it has, and
+/// loads it when it begins.
+pub trait Partial: Sync {
+    /// What was saved last, if the computation did not come to its end.
+    fn load(&self) -> Option<Vec<u8>>;
+
+    /// Saves what is done so far, in place of what was saved before. A failure is not reported: the computation then begins again.
+    fn save(&self, bytes: &[u8]);
+}
+
+/// Partial results that are not stored.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NotStored;
+
+impl Partial for NotStored {
+    fn load(&self) -> Option<Vec<u8>> {
+        None
+    }
+
+    fn save(&self, _: &[u8]) {}
 }
 
 /// Runs work beside the windows of a graph, at once or on another thread: a node that analyses what it has received hands it over, and takes

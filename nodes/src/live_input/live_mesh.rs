@@ -305,6 +305,7 @@ mod tests {
                 outputs: &MemoryOutputs::default(),
                 inputs: &opened,
                 monitor: &crate::core::shape::unmonitored,
+                partial: &crate::core::shape::NotStored,
                 background: &crate::core::shape::foreground(),
             },
         );

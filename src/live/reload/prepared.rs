@@ -9,7 +9,7 @@ use crate::run::{self, BuildSite, DirOutputs, Job, Progress, Values};
 use foley_nodes::core::files::{FileError, Outputs, WriteSeek};
 use foley_nodes::core::input::Inputs;
 use foley_nodes::core::node::{DynNode, Retune};
-use foley_nodes::core::shape::unmonitored;
+use foley_nodes::core::shape::{NotStored, unmonitored};
 use foley_nodes::core::time::Tick;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -66,6 +66,7 @@ impl PreparedGraph {
             inputs: &*self.source.inputs,
             seed: self.source.seed,
             monitor: &unmonitored,
+            partial: &NotStored,
         }
     }
 }

@@ -12,7 +12,9 @@ use crate::core::node::{DynNode, Func, Node, NodeType, Summary};
 use crate::core::params::AnyParams;
 use crate::core::ports::{Events, Many, Port, PortKind, PortSpec, Stream, Value};
 use crate::core::random::Random;
-use crate::core::shape::{Build, Ends, LinkShape, Lookaround, NodeShape, RawShape, foreground, unmonitored};
+use crate::core::shape::{
+    Build, Ends, LinkShape, Lookaround, NodeShape, NotStored, RawShape, foreground, unmonitored,
+};
 use crate::core::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode, max_items};
 use crate::core::state::{StateArchive, Stateful};
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
@@ -187,6 +189,7 @@ impl Standalone {
             outputs: &self.outputs,
             inputs: &NoInputs,
             monitor: &unmonitored,
+            partial: &NotStored,
             background: &foreground(),
         };
         let end = shape.end.unwrap_or(0);

@@ -129,7 +129,8 @@ impl Func for GrainCorrelate {
         }
         let longest = recordings.recordings.iter().map(GrainRecording::len).max().unwrap_or(0);
         let bytes = memory(dictionary, longest, rayon::current_num_threads());
-        let patterns = correlate(recordings, dictionary, &p.rules(), &|share| (cx.monitor)(share));
+        let patterns =
+            correlate(recordings, dictionary, &p.rules(), &|share| (cx.monitor)(share), cx.partial);
         let patterns = patterns.ok_or_else(Fault::stopped)?;
         let mut summary = patterns.summary();
         let empty = patterns.patterns.iter().filter(|p| p.peaks.is_empty()).map(|p| p.name.as_str());

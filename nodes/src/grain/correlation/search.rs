@@ -5,6 +5,7 @@ use super::patterns::{
 };
 use super::peaks::{GrainCorrelation, Normaliser, Scores};
 use super::transform::{Blocks, best_size};
+use crate::core::shape::Partial;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
 use rayon::prelude::*;
@@ -12,6 +13,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
 
 /// Peaks that are retained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -302,13 +304,27 @@ pub fn memory(dictionary: &GrainDictionary, longest: usize, threads: usize) -> u
     Blocks::bytes(outputs, max_len, size) + threads * (9 * outputs + 24 * size) + 8 * longest + grains
 }
 
+/// Time between two times that finished patterns are saved.
+const SAVED_EVERY: Duration = Duration::from_secs(10);
+
+/// The patterns of the first parts, if an interrupted computation left them.
+fn resumed(parts: &[(&GrainRecording, &Part)], partial: &dyn Partial) -> Vec<Pattern> {
+    let found: Option<Vec<Pattern>> = partial.load().and_then(|bytes| postcard::from_bytes(&bytes).ok());
+    let fits = |(pattern, (recording, part)): (&Pattern, &(&GrainRecording, &Part))| {
+        let same = pattern.name == recording.name && pattern.component == part.component;
+        same && pattern.frames == recording.len() as u64
+    };
+    let is_of = |all: &Vec<Pattern>| all.len() <= parts.len() && all.iter().zip(parts).all(fits);
+    found.filter(is_of).unwrap_or_default()
+}
+
 /// Finds where the grains of a dictionary occur in recordings: peaks of the normalised cross-correlation
 ///
 /// `C(t) = sum_n x[t + n] g[n] / (|g| |x[t .. t + L]|)`,
 ///
 /// at least half a grain apart for each grain. Of all grains the best in each interval, or in each recording, are retained. The result does
 /// not depend on the number of threads. `stop` receives the share of the work that is done, and returns true to stop: then the result is
-/// `None`.
+/// `None`. Finished patterns are saved as `partial` every ten seconds and when it is stopped, and it goes on from those that are there.
 ///
 /// # Complexity
 /// One inverse transform for each grain and each block of a recording; [`memory`] states the memory. Peaks are compared over sections of
@@ -322,6 +338,7 @@ pub fn correlate(
     dictionary: &GrainDictionary,
     rules: &CorrelateRules,
     stop: &dyn Fn(f64) -> bool,
+    partial: &dyn Partial,
 ) -> Option<CorrelationPatterns> {
     let parts: Vec<(&GrainRecording, &Part)> =
         recordings.recordings.iter().flat_map(|r| r.parts.iter().map(move |part| (r, part))).collect();
@@ -338,8 +355,15 @@ pub fn correlate(
         (dictionary.mean_len() * (1.0 - 0.5 * share)).max(1.0)
     };
     let mut by_component: Vec<(Component, Vec<Bucket>)> = Vec::new();
-    let mut patterns = Vec::with_capacity(parts.len());
-    for (recording, part) in parts {
+    let mut patterns = resumed(&parts, partial);
+    progress.done = parts.iter().take(patterns.len()).map(work).sum();
+    let (mut saved, mut since) = (patterns.len(), Instant::now());
+    let save = |patterns: &[Pattern]| {
+        if let Ok(bytes) = postcard::to_allocvec(patterns) {
+            partial.save(&bytes);
+        }
+    };
+    for (recording, part) in parts.into_iter().skip(patterns.len()) {
         if !by_component.iter().any(|(c, _)| *c == part.component) {
             let grains = dictionary.grains.iter().enumerate().filter(|(_, g)| fits(part.component, g));
             let shapes = grains.map(|(k, g)| {
@@ -363,7 +387,13 @@ pub fn correlate(
         };
         let mut candidates = Vec::new();
         for bucket in all.unwrap_or_default() {
-            candidates.extend(search(&x, bucket, &normaliser, &slots, rules, &mut progress)?);
+            let Some(found) = search(&x, bucket, &normaliser, &slots, rules, &mut progress) else {
+                if patterns.len() > saved {
+                    save(&patterns);
+                }
+                return None;
+            };
+            candidates.extend(found);
         }
         let mut pattern = Pattern {
             name: recording.name.clone(),
@@ -378,6 +408,10 @@ pub fn correlate(
         };
         pattern.sort();
         patterns.push(pattern);
+        if since.elapsed() > SAVED_EVERY {
+            save(&patterns);
+            (saved, since) = (patterns.len(), Instant::now());
+        }
     }
     Some(CorrelationPatterns {
         version: PATTERNS_VERSION,

@@ -1,6 +1,7 @@
 //! Recordings of the tests of this module.
 
 use crate::core::random::Rng;
+use crate::core::shape::NotStored;
 use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, correlate};
 use crate::grain::dictionary::{ExtractRules, GrainDictionary, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
@@ -30,6 +31,6 @@ pub(super) fn stored(count: u64) -> (GrainRecordings, GrainDictionary, Correlati
     };
     let all = GrainRecordings { rate: 44_100.0, recordings: (0..count).map(recording).collect() };
     let (dictionary, _) = extract(&all, &ExtractRules::at_rate(44_100.0));
-    let patterns = correlate(&all, &dictionary, &CorrelateRules::default(), &|_| false).unwrap();
+    let patterns = correlate(&all, &dictionary, &CorrelateRules::default(), &|_| false, &NotStored).unwrap();
     (all, dictionary, patterns)
 }

@@ -67,6 +67,7 @@ fn echoes(window: i64) -> Vec<f32> {
                 outputs,
                 inputs: &crate::core::input::NoInputs,
                 monitor: &crate::core::shape::unmonitored,
+                partial: &crate::core::shape::NotStored,
                 background: &crate::core::shape::foreground(),
             },
         )

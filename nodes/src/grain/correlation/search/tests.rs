@@ -1,5 +1,6 @@
 use super::*;
 use crate::core::random::Rng;
+use crate::core::shape::NotStored;
 use crate::grain::dictionary::{ExtractRules, extract};
 use crate::grain::recording::SourceKind;
 
@@ -79,7 +80,7 @@ fn retained_peaks_are_those_of_the_definition() {
         CorrelateRules { retain: Retention::PerInterval(1), absolute: true, ..CorrelateRules::default() },
         CorrelateRules { retain: Retention::Largest(25), ..CorrelateRules::default() },
     ] {
-        let found = correlate(&all, &dictionary, &rules, &|_| false).unwrap();
+        let found = correlate(&all, &dictionary, &rules, &|_| false, &NotStored).unwrap();
         for (pattern, recording) in found.patterns.iter().zip(&all.recordings) {
             let x = recording.parts[0].mono();
             let slots = match rules.retain {
@@ -110,13 +111,15 @@ fn a_grain_is_found_at_its_origin_and_where_it_was_planted_at_any_gain() {
         let mut x: Vec<f32> = noise(6000, 6).iter().map(|x| 0.01 * gain * x).collect();
         x[2500..2500 + g.len()].iter_mut().zip(&g).for_each(|(x, g)| *x += gain * g);
         let found =
-            correlate(&recordings(vec![x]), &dictionary, &CorrelateRules::default(), &|_| false).unwrap();
+            correlate(&recordings(vec![x]), &dictionary, &CorrelateRules::default(), &|_| false, &NotStored)
+                .unwrap();
         let peak = found.patterns[0].peaks.iter().find(|p| p.grain == 1 && p.t == 2500).copied();
         let peak = peak.expect("the planted grain is a peak");
         assert!(peak.correlation > 0.99 && (peak.gain / gain - 1.0).abs() < 0.02, "{peak:?}");
     }
     let own =
-        correlate(&recordings(vec![source]), &dictionary, &CorrelateRules::default(), &|_| false).unwrap();
+        correlate(&recordings(vec![source]), &dictionary, &CorrelateRules::default(), &|_| false, &NotStored)
+            .unwrap();
     for (k, grain) in dictionary.grains.iter().enumerate() {
         let at = grain.window_start() as u32;
         let peak = own.patterns[0].peaks.iter().find(|p| p.grain == k as u32 && p.t == at).copied();
@@ -132,9 +135,52 @@ fn the_number_of_threads_changes_nothing_and_work_can_be_stopped() {
     let rules = CorrelateRules::default();
     let of = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| correlate(&all, &dictionary, &rules, &|_| false).unwrap())
+        pool.install(|| correlate(&all, &dictionary, &rules, &|_| false, &NotStored).unwrap())
     };
     assert_eq!(of(1), of(3));
-    assert!(correlate(&all, &dictionary, &rules, &|_| true).is_none());
+    assert!(correlate(&all, &dictionary, &rules, &|_| true, &NotStored).is_none());
     assert!(memory(&dictionary, 20_000, 2) > 0);
+}
+
+/// Partial results in memory.
+#[derive(Default)]
+struct InMemory(std::sync::Mutex<Option<Vec<u8>>>);
+
+impl crate::core::shape::Partial for InMemory {
+    fn load(&self) -> Option<Vec<u8>> {
+        self.0.lock().unwrap().clone()
+    }
+
+    fn save(&self, bytes: &[u8]) {
+        *self.0.lock().unwrap() = Some(bytes.to_vec());
+    }
+}
+
+#[test]
+fn a_stopped_correlation_goes_on_where_it_was() {
+    let all = recordings((0..4).map(|k| noise(6000, 30 + k)).collect());
+    let (dictionary, _) = extract(&all, &exact_rules());
+    let rules = CorrelateRules::default();
+    let whole = correlate(&all, &dictionary, &rules, &|_| false, &NotStored).unwrap();
+    let partial = InMemory::default();
+    assert!(correlate(&all, &dictionary, &rules, &|share| share > 0.6, &partial).is_none());
+    let first = std::cell::Cell::new(None);
+    let resumed = correlate(
+        &all,
+        &dictionary,
+        &rules,
+        &|share| {
+            first.set(first.get().or(Some(share)));
+            false
+        },
+        &partial,
+    );
+    assert_eq!(resumed.unwrap(), whole);
+    assert!(first.get().is_some_and(|share| share > 0.5), "{first:?}");
+    // What belongs to other recordings, or is damaged, is not used.
+    let others = recordings((0..2).map(|k| noise(5000, 60 + k)).collect());
+    let found = correlate(&others, &dictionary, &rules, &|_| false, &partial).unwrap();
+    assert_eq!(found, correlate(&others, &dictionary, &rules, &|_| false, &NotStored).unwrap());
+    partial.save(b"nothing");
+    assert_eq!(correlate(&all, &dictionary, &rules, &|_| false, &partial).unwrap(), whole);
 }

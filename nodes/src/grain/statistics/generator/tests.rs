@@ -1,6 +1,7 @@
 use super::super::model::{fit, lag_correlation};
 use super::*;
 use crate::core::random::{Random, Rng};
+use crate::core::shape::NotStored;
 use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, Pattern, correlate};
 use crate::grain::dictionary::{ExtractRules, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
@@ -37,7 +38,7 @@ fn stored(count: u64) -> (GrainDictionary, CorrelationPatterns) {
     };
     let all = GrainRecordings { rate: 44_100.0, recordings: (0..count).map(recording).collect() };
     let (dictionary, _) = extract(&all, &ExtractRules::at_rate(44_100.0));
-    let patterns = correlate(&all, &dictionary, &CorrelateRules::default(), &|_| false).unwrap();
+    let patterns = correlate(&all, &dictionary, &CorrelateRules::default(), &|_| false, &NotStored).unwrap();
     (dictionary, patterns)
 }
 

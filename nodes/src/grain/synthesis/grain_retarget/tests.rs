@@ -1,6 +1,7 @@
 use super::*;
 use crate::core::feed::Feed;
 use crate::core::item::{AnyValue, Event};
+use crate::core::shape::NotStored;
 use crate::core::standalone::Standalone;
 use crate::grain::correlation::{CorrelateRules, correlate};
 use crate::grain::dictionary::{ExtractRules, extract};
@@ -100,7 +101,9 @@ fn struck(p: GrainRetargetParams, energies: &[(f64, f64)], patterns: bool) -> Ve
     let feed = Feed::events(energies.iter().map(hit).collect(), ticks(end));
     let mut run = standalone(p).feed(GrainRetargetPorts::impacts.index(), feed);
     if patterns {
-        let found = correlate(&recordings(), &dictionary(), &CorrelateRules::default(), &|_| false).unwrap();
+        let found =
+            correlate(&recordings(), &dictionary(), &CorrelateRules::default(), &|_| false, &NotStored)
+                .unwrap();
         run = run.feed(GrainRetargetPorts::patterns.index(), Feed::value(AnyValue::new(found)));
     }
     run.run().unwrap().stream(GrainRetargetPorts::audio)

@@ -1,6 +1,7 @@
 use super::super::segment::sound_of;
 use super::*;
 use crate::core::random::{Random, Rng};
+use crate::core::shape::NotStored;
 use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, Retention, correlate};
 use crate::grain::dictionary::{ExtractRules, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
@@ -29,7 +30,7 @@ fn all_of(sounds: Vec<Vec<f32>>, bits: u16, retain: Retention) -> (GrainDictiona
     let rules = ExtractRules { bits, discard: [-300.0, -300.0], ..ExtractRules::at_rate(44_100.0) };
     let (dictionary, _) = extract(&all, &rules);
     let rules = CorrelateRules { retain, ..CorrelateRules::default() };
-    let patterns = correlate(&all, &dictionary, &rules, &|_| false).unwrap();
+    let patterns = correlate(&all, &dictionary, &rules, &|_| false, &NotStored).unwrap();
     (dictionary, patterns)
 }
 
@@ -69,7 +70,7 @@ fn the_walk_leaves_few_gaps_with_few_peaks() {
     assert!(silent * 50 <= y.len() / 64, "{silent}");
     // A recording of half the level has the same grains at half their gains.
     let halved = recordings(vec![x.iter().map(|x| 0.5 * x).collect()]);
-    let halved = correlate(&halved, &dictionary, &CorrelateRules::default(), &|_| false).unwrap();
+    let halved = correlate(&halved, &dictionary, &CorrelateRules::default(), &|_| false, &NotStored).unwrap();
     let quiet = walk(&halved.patterns[0], &dictionary, GapRule::Extend);
     assert_eq!(quiet.len(), steps.len());
     for (a, b) in steps.iter().zip(&quiet) {
