@@ -428,3 +428,35 @@ fn a_survey_finds_the_key_of_the_next_run_without_running() {
     assert!(there && changes(&before.parts, &after.parts).is_empty());
     assert_eq!(before.hash, after.hash);
 }
+
+#[test]
+fn what_a_stopped_computation_saved_belongs_to_its_inputs_and_goes_when_it_is_done() {
+    use foley_nodes::core::shape::Partial;
+    let project = Project::new(MODEL);
+    let path = project.path("graph.ron");
+    let with = |then: &dyn Fn(Option<&dyn Partial>)| {
+        let loaded = load(&path, &LoadOptions::default());
+        let graph = loaded.graph.unwrap();
+        let files = DirFiles::new(loaded.root, Limits::default());
+        let plan = Plan::new(&graph, &files, &PlanOptions::default()).unwrap();
+        let memo = Memo::new(default_dir(Path::new(&path)), 1 << 30, &path);
+        let mut cache = RunCache::new(&memo, &graph, &plan, &files, graph.seed);
+        let node = graph.find("model").unwrap();
+        // Without its key there is nothing.
+        assert!(cache.partial(node).is_none());
+        assert!(cache.look_up(node, &std::collections::HashMap::new()).is_none());
+        let partial = cache.partial(node);
+        then(partial.as_ref().map(|p| p as &dyn Partial));
+    };
+    with(&|partial| {
+        let partial = partial.unwrap();
+        assert_eq!(partial.load(), None);
+        partial.save(b"first");
+        partial.save(b"half of it");
+    });
+    with(&|partial| assert_eq!(partial.unwrap().load().as_deref(), Some(&b"half of it"[..])));
+    // Another key has another partial result; a finished run removes that of its own.
+    project.run();
+    assert_eq!(project.entries().len(), 1);
+    assert!(cached(&project.run(), "model"));
+}

@@ -28,6 +28,8 @@ pub struct CompressionRules {
     pub neighbours: usize,
     /// Samples stored around grains without neighbours.
     pub margin: usize,
+    /// Bytes of the same recordings after another coder, if they are compared too.
+    pub coded_bytes: Option<u64>,
 }
 
 /// One line of the table.
@@ -104,14 +106,14 @@ fn mean_and_deviation(x: &[f64]) -> [f64; 2] {
 /// budgets, and random grains under the same budgets.
 ///
 /// Bytes are those of the files; the patterns have the grains of the walk and no others. Errors are those of the sounds of all recordings,
-/// channels averaged. `stop` receives the share of the work that is done, and returns true to stop: then the result is `None`.
+/// channels averaged. The second recordings are the first ones after another coder. `stop` receives the share of the work that is done, and returns true to stop: then the result is `None`.
 ///
 /// # Source
 /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 5.1, where 94
 /// recordings take 20.1 % fewer bytes.
 #[must_use]
 pub fn compression_table(
-    recordings: &GrainRecordings,
+    [recordings, coded]: [&GrainRecordings; 2],
     dictionary: &GrainDictionary,
     patterns: &CorrelationPatterns,
     rules: &CompressionRules,
@@ -173,6 +175,15 @@ pub fn compression_table(
             None => curves.push((method, vec![point])),
         }
     };
+    if let Some(bytes) = rules.coded_bytes {
+        let mut error = Distortion::default();
+        for (x, other) in originals.iter().zip(&coded.recordings) {
+            error.add(x, &other.mono(), recordings.rate);
+        }
+        let point = Point { grains: 0, bytes: [bytes as usize, 0], error };
+        table.push(row("other coder", None, &point, figures(&point), [None; 2]));
+        add("other coder", &point, figures(&point));
+    }
     let sequences = walked(patterns, dictionary);
     let all =
         measure(&originals, &names, &Reduced { dictionary: dictionary.clone(), patterns: sequences.clone() });

@@ -35,6 +35,8 @@ params! {
         merge: Vec<f64> = vec![0.999, 0.99, 0.98, 0.95, 0.9, 0.85, 0.8], unit "", range 0.3..=1.0;
         /// Budgets, as shares of the bytes of the grains.
         shares: Vec<f64> = vec![0.75, 0.5, 0.25], unit "", range 0.0..=1.0;
+        /// Bytes of the files of `coded`.
+        coded_bytes: u64 = 0, unit "bytes", range 0..=u64::MAX;
         /// Number of random subsets for each budget.
         random_sets: usize = 20, unit "", range 0..=1000;
         /// Number of grains of similar spectrum that each grain is compared with.
@@ -52,6 +54,8 @@ ports! {
             dictionary: Value<GrainDictionary>,
             /// Their patterns.
             patterns: Value<CorrelationPatterns>,
+            /// The same recordings after another coder, such as Ogg Vorbis, in the same order.
+            coded: Option<Value<GrainRecordings>>,
         }
         out {
             /// Bytes and errors.
@@ -76,6 +80,22 @@ impl Func for GrainCompression {
     ) -> Result<Summary, Fault> {
         let (recordings, dictionary, patterns) = (io.recordings, io.dictionary, io.patterns);
         check_patterns(patterns, dictionary)?;
+        if let Some(coded) = io.coded
+            && ((coded.rate - recordings.rate).abs() > 1e-9
+                || coded.recordings.len() != recordings.recordings.len())
+        {
+            let message = format!(
+                "`coded` has {} recordings of {} Hz, `recordings` {} of {} Hz",
+                coded.recordings.len(),
+                coded.rate,
+                recordings.recordings.len(),
+                recordings.rate
+            );
+            return Err(Fault::new("F151", message)
+                .at("coded")
+                .help("both need the same files, in the same order"));
+        }
+        let coded = io.coded.map(|coded| (coded, p.coded_bytes));
         let rules = CompressionRules {
             bits: p.bits.clone(),
             merge: p.merge.clone(),
@@ -83,9 +103,17 @@ impl Func for GrainCompression {
             random_sets: p.random_sets,
             neighbours: p.neighbours,
             margin: (p.margin * dictionary.rate).round() as usize,
+            coded_bytes: coded.map(|c| c.1),
         };
         let monitor = |share| (cx.monitor)(share);
-        let table = compression_table(recordings, dictionary, patterns, &rules, cx.random, &monitor);
+        let table = compression_table(
+            [recordings, coded.map_or(recordings, |c| c.0)],
+            dictionary,
+            patterns,
+            &rules,
+            cx.random,
+            &monitor,
+        );
         let table = table.ok_or_else(Fault::stopped)?;
         let summary = vec![("rows", table.rows.len().into())];
         io.table.set(table);

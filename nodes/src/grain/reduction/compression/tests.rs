@@ -19,9 +19,12 @@ fn fewer_bytes_have_greater_errors_and_a_budget_is_spent_better_than_at_random()
         random_sets: 8,
         neighbours: 32,
         margin: 220,
+        coded_bytes: Some(1000),
     };
-    let of =
-        |random| compression_table(&recordings, &dictionary, &patterns, &rules, random, &|_| false).unwrap();
+    let of = |random| {
+        compression_table([&recordings, &recordings], &dictionary, &patterns, &rules, random, &|_| false)
+            .unwrap()
+    };
     let table = of(Random::new(3, "table"));
     let rows = |method: &str| -> Vec<Vec<Option<f64>>> {
         let of_method = table.rows.iter().filter(|row| row[0] == Cell::from(method));
@@ -31,6 +34,11 @@ fn fewer_bytes_have_greater_errors_and_a_budget_is_spent_better_than_at_random()
     let all = rows("all grains")[0].clone();
     // 16 bits for each grain, without grains 50 dB below the loudest.
     assert!(at(&all, 6) > 30.0 && at(&all, 7) < 2.0, "{all:?}");
+    // The same recordings are without error.
+    assert_eq!(
+        rows("other coder")[0][3..8],
+        [Some(1000.0), Some(0.0), Some(1000.0 / 160_000.0), Some(35.0), Some(0.0)]
+    );
     let coarse = rows("fewer bits");
     assert!(at(&coarse[1], 3) < at(&coarse[0], 3) && at(&coarse[1], 6) > 20.0, "{coarse:?}");
     let merged = rows("merged");
@@ -44,7 +52,14 @@ fn fewer_bytes_have_greater_errors_and_a_budget_is_spent_better_than_at_random()
     assert_eq!(table.charts.len(), 2);
     assert_eq!(of(Random::new(3, "table")).rows, table.rows);
     assert!(
-        compression_table(&recordings, &dictionary, &patterns, &rules, Random::new(3, "x"), &|_| true)
-            .is_none()
+        compression_table(
+            [&recordings, &recordings],
+            &dictionary,
+            &patterns,
+            &rules,
+            Random::new(3, "x"),
+            &|_| true
+        )
+        .is_none()
     );
 }
