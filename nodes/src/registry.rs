@@ -43,7 +43,6 @@ use crate::grain::sinusoid::partial_tracks::PartialTracks;
 use crate::grain::sinusoid::sine_peaks::SinePeaks;
 use crate::grain::sinusoid::transient_residual::TransientResidual;
 use crate::grain::statistics::pattern_generator::PatternGenerator;
-use crate::grain::statistics::pattern_model_file::PatternModelFile;
 use crate::grain::statistics::pattern_statistics::PatternStatistics;
 use crate::grain::synthesis::grain_retarget::GrainRetarget;
 use crate::grain::synthesis::pattern_report::PatternReport;
@@ -338,7 +337,6 @@ impl Registry {
             .with_func::<PatternTimescale>()
             .with_func::<PatternVariation>()
             .with_func::<PatternStatistics>()
-            .with_func::<PatternModelFile>()
             .with_func::<PatternGenerator>()
             .family("feature")
             .with::<Mfcc>()

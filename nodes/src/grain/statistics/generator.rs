@@ -38,6 +38,8 @@ pub struct GeneratedGrain {
     pub cluster: usize,
     /// Its level before `gain`, dB.
     pub level: f64,
+    /// Its level relative to the mean of its cluster, dB.
+    pub residual: f64,
     /// Samples to the next grain, before `density`.
     pub interval: f64,
 }
@@ -79,7 +81,7 @@ impl Generator {
     /// Draws the next grain; `random` returns uniform variables of an index and a lane.
     ///
     /// # Complexity
-    /// O(clusters).
+    /// O(clusters + grains of a cluster).
     pub fn next(
         &mut self,
         models: [&PatternModel; 2],
@@ -101,28 +103,38 @@ impl Generator {
         } else {
             persistence * self.normal + (1.0 - persistence * persistence).max(0.0).sqrt() * fresh
         };
-        let level = between([&models[0].levels, &models[1].levels], normal_share(self.normal));
         // Each grain comes from one of both models: over many, their probabilities are mixed.
         let model = models[usize::from(uniform(2) < blend)];
         let n = model.clusters.len();
         let row = self.cluster.map(|c| c as usize).and_then(|c| model.transitions.get(c * n..(c + 1) * n));
         let cluster = drawn(row.unwrap_or(&model.first), uniform(3));
+        let residual = between([&models[0].levels, &models[1].levels], normal_share(self.normal));
+        let level = residual + model.cluster_levels.get(cluster).copied().unwrap_or(0.0);
         let members = model.clusters.get(cluster).map_or(&[][..], Vec::as_slice);
         let start = ((uniform(4) * members.len() as f64) as usize).min(members.len().saturating_sub(1));
         let avoided = if members.len() > AVOIDED { AVOIDED } else { members.len().saturating_sub(1) };
         let is_new = |grain: &u32| !self.recent.iter().take(avoided).any(|r| *r == Some(*grain));
-        let grain = members.iter().cycle().skip(start).take(members.len()).find(|g| is_new(g)).copied();
-        let grain = grain.or_else(|| members.first().copied()).unwrap_or(0);
-        let own = dictionary.grains.get(grain as usize).map_or(0.0, |g| f64::from(g.power)).sqrt();
+        // From a random one on, the first that is as loud as wanted within the levelling, or else the nearest to it.
+        let own =
+            |grain: u32| dictionary.grains.get(grain as usize).map_or(0.0, |g| f64::from(g.power)).sqrt();
         let wanted = 10f64.powf(level / 20.0);
-        let factor = (wanted / own.max(1e-9)).clamp(1.0 / MAX_LEVELLING, MAX_LEVELLING);
+        let factor = |grain: u32| wanted / own(grain).max(1e-9);
+        let far = |grain: u32| factor(grain).ln().abs();
+        let candidates = members.iter().cycle().skip(start).take(members.len()).copied();
+        let new = || candidates.clone().filter(|grain| is_new(grain));
+        let grain = new()
+            .find(|grain| far(*grain) <= MAX_LEVELLING.ln())
+            .or_else(|| new().min_by(|a, b| far(*a).total_cmp(&far(*b))))
+            .or_else(|| members.first().copied())
+            .unwrap_or(0);
+        let factor = factor(grain).clamp(1.0 / MAX_LEVELLING, MAX_LEVELLING);
         let step = GrainStep { grain, t: self.time.round() as i64, gain: (factor * rules.gain) as f32 };
         self.time += (interval / rules.density.max(1e-3)).max(1.0);
         self.index += 1;
         self.cluster = Some(cluster as u32);
         self.recent.rotate_right(1);
         self.recent[0] = Some(grain);
-        GeneratedGrain { step, cluster, level, interval }
+        GeneratedGrain { step, cluster, level, residual, interval }
     }
 }
 

@@ -3,7 +3,6 @@
 mod generator;
 mod model;
 pub mod pattern_generator;
-pub mod pattern_model_file;
 pub mod pattern_statistics;
 
 pub use generator::{GeneratedGrain, Generator, GeneratorRules, generated};

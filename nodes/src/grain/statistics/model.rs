@@ -1,7 +1,5 @@
 //! The model of patterns, and its fit.
 
-use crate::artefact::sealed::{seal, unseal};
-use crate::artefact::value_file::Artefact;
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
@@ -15,20 +13,14 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 use thiserror::Error;
 
-/// Version of the format of [`PatternModel`].
-pub const MODEL_VERSION: u32 = 1;
 /// Points of the envelope.
 pub const ENVELOPE: usize = 64;
 /// Largest number of quantiles of a distribution.
 const QUANTILES: usize = 1024;
-/// The first bytes of a file of a model.
-const MAGIC: &[u8] = b"foley:FPMD\n";
 
 /// Statistics of the grains of some patterns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PatternModel {
-    /// [`MODEL_VERSION`].
-    pub version: u32,
     /// Sample rate, Hz.
     pub rate: f64,
     /// Digest of the dictionary.
@@ -37,7 +29,9 @@ pub struct PatternModel {
     pub count: u64,
     /// Samples from the beginning of a grain to that of the next one: quantiles, rising.
     pub intervals: Vec<f64>,
-    /// Level of a grain relative to the envelope of its recording, dB: quantiles, rising.
+    /// Mean level of the grains of each cluster relative to the envelope of their recordings, dB.
+    pub cluster_levels: Vec<f64>,
+    /// Level of a grain relative to that, dB: quantiles, rising.
     pub levels: Vec<f64>,
     /// Correlation of the levels of successive grains.
     pub correlation: f64,
@@ -57,12 +51,6 @@ pub struct PatternModel {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// Another version of the format.
-    #[error("the model of patterns has version {found}; this reads version {MODEL_VERSION}: make it again")]
-    Version {
-        /// The version found.
-        found: u32,
-    },
     /// A model of another dictionary.
     #[error(
         "the model belongs to another dictionary: its digest is {wanted}, that of the dictionary here {found}"
@@ -119,7 +107,7 @@ pub fn lag_correlation(series: &[&[f64]]) -> f64 {
 }
 
 /// Correlation of successive normal variables for which their levels, by the quantiles, have the wanted correlation.
-fn persistence(levels: &[f64], wanted: f64) -> f64 {
+pub(super) fn persistence(levels: &[f64], wanted: f64) -> f64 {
     // Pairs of independent normal variables, the same for all trials.
     let mut rng = Rng::new(7);
     let pairs: Vec<[f64; 2]> =
@@ -148,7 +136,10 @@ fn power(dictionary: &GrainDictionary, step: &GrainStep) -> f64 {
     own * f64::from(step.gain).powi(2)
 }
 
-/// Mean power over the duration of a recording, with mean 1; passages without a grain are interpolated.
+/// Grains over which a point of the envelope is averaged, so that it does not follow single ones.
+const SMOOTHED_OVER: f64 = 20.0;
+
+/// Mean power over the duration of a recording, with mean 1, smoothed.
 fn envelope(walks: &[(&Pattern, Vec<GrainStep>)], dictionary: &GrainDictionary) -> Vec<f64> {
     let mut sums = vec![[0.0, 0.0]; ENVELOPE];
     for (pattern, steps) in walks {
@@ -159,16 +150,15 @@ fn envelope(walks: &[(&Pattern, Vec<GrainStep>)], dictionary: &GrainDictionary) 
             *bin = [bin[0] + power(dictionary, step) / mean.max(f64::MIN_POSITIVE), bin[1] + 1.0];
         }
     }
-    let known: Vec<(usize, f64)> =
-        sums.iter().enumerate().filter(|(_, s)| s[1] > 0.0).map(|(k, s)| (k, s[0] / s[1])).collect();
+    let count: f64 = sums.iter().map(|s| s[1]).sum();
+    let width = (ENVELOPE as f64 * SMOOTHED_OVER / count.max(1.0)).clamp(0.5, ENVELOPE as f64);
     let at = |k: usize| {
-        let after = known.partition_point(|(j, _)| *j < k);
-        match (after.checked_sub(1).and_then(|b| known.get(b)), known.get(after)) {
-            (_, Some((j, y))) if *j == k => *y,
-            (Some((a, x)), Some((b, y))) => x + (y - x) * (k - a) as f64 / (b - a) as f64,
-            (Some((_, x)), None) | (None, Some((_, x))) => *x,
-            (None, None) => 1.0,
-        }
+        let weighted = sums.iter().enumerate().map(|(j, s)| {
+            let weight = (-0.5 * ((k as f64 - j as f64) / width).powi(2)).exp();
+            [weight * s[0], weight * s[1]]
+        });
+        let [sum, weight] = weighted.fold([0.0, 0.0], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        if weight > 0.0 { sum / weight } else { 1.0 }
     };
     // A floor of -60 dB: levels are relative to it.
     let all: Vec<f64> = (0..ENVELOPE).map(|k| at(k).max(1e-6)).collect();
@@ -189,7 +179,8 @@ pub fn envelope_at(envelope: &[f64], share: f64) -> f64 {
 
 /// Fits a model to the walks through patterns.
 ///
-/// The distributions of intervals and levels are those of the patterns. Levels are relative to the mean envelope of the recordings. The
+/// The distributions of intervals and levels are those of the patterns. Levels are relative to the mean envelope of the recordings and to
+/// the mean of their cluster, so that loud and soft clusters alternate as they do in the recordings. The
 /// grains of the dictionary are divided into `clusters` by their spectra; clusters follow each other as in the patterns, with `smoothing`
 /// added to each count.
 ///
@@ -221,11 +212,6 @@ pub fn fit(
         let share = step.t.max(0) as f64 / pattern.frames.max(1) as f64;
         10.0 * (power(dictionary, step).max(1e-15) / envelope_at(&envelope, share)).log10()
     };
-    let series: Vec<Vec<f64>> =
-        walks.iter().map(|(p, steps)| steps.iter().map(|s| level(p, s)).collect()).collect();
-    let correlation = lag_correlation(&series.iter().map(Vec::as_slice).collect::<Vec<_>>());
-    let levels = quantiles(series.into_iter().flatten().collect());
-
     // The clusters are those of the dictionary, so that two models of it can be mixed.
     let every: Vec<usize> = (0..dictionary.len()).collect();
     let points = grain_features(dictionary, &every);
@@ -236,9 +222,23 @@ pub fn fit(
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); n];
     let mut counts = vec![0.0; n * n];
     let mut first = vec![0.0; n];
+    let mut sums = vec![[0.0, 0.0]; n];
+    let cluster = |step: &GrainStep| of.get(step.grain as usize).copied().unwrap_or(0);
+    for (pattern, steps) in &walks {
+        for step in steps {
+            let sum = &mut sums[cluster(step)];
+            *sum = [sum[0] + level(pattern, step), sum[1] + 1.0];
+        }
+    }
+    let cluster_levels: Vec<f64> = sums.iter().map(|[sum, count]| sum / count.max(1.0)).collect();
+    let series: Vec<Vec<f64>> = walks
+        .iter()
+        .map(|(p, steps)| steps.iter().map(|s| level(p, s) - cluster_levels[cluster(s)]).collect())
+        .collect();
+    let correlation = lag_correlation(&series.iter().map(Vec::as_slice).collect::<Vec<_>>());
+    let levels = quantiles(series.into_iter().flatten().collect());
     for (_, steps) in &walks {
-        let clusters: Vec<usize> =
-            steps.iter().map(|s| of.get(s.grain as usize).copied().unwrap_or(0)).collect();
+        let clusters: Vec<usize> = steps.iter().map(cluster).collect();
         clusters.windows(2).for_each(|w| counts[w[0] * n + w[1]] += 1.0);
         for (step, cluster) in steps.iter().zip(&clusters) {
             members[*cluster].push(step.grain);
@@ -265,13 +265,13 @@ pub fn fit(
     };
     let total: f64 = first.iter().sum();
     Ok(PatternModel {
-        version: MODEL_VERSION,
         rate: dictionary.rate,
         dictionary: dictionary.id(),
         count: walks.iter().map(|(_, steps)| steps.len() as u64).sum(),
         intervals: quantiles(intervals),
         persistence: persistence(&levels, correlation),
         correlation,
+        cluster_levels,
         levels,
         clusters: members,
         first: first.iter().map(|x| x / total.max(1.0)).collect(),
@@ -281,14 +281,11 @@ pub fn fit(
 }
 
 impl PatternModel {
-    /// Checks that the model is valid, and belongs to a dictionary if there is one.
+    /// Checks that the model is valid and belongs to a dictionary.
     ///
     /// # Errors
     /// The first thing found.
-    pub fn validate(&self, dictionary: Option<&GrainDictionary>) -> Result<(), ModelError> {
-        if self.version != MODEL_VERSION {
-            return Err(ModelError::Version { found: self.version });
-        }
+    pub fn validate(&self, dictionary: &GrainDictionary) -> Result<(), ModelError> {
         let n = self.clusters.len();
         let rises = |x: &[f64]| !x.is_empty() && x.iter().all(|x| x.is_finite()) && x.is_sorted();
         let is_chance = |x: &[f64]| x.iter().all(|x| (0.0..=1.0).contains(x));
@@ -300,6 +297,9 @@ impl PatternModel {
         }
         if !rises(&self.levels) {
             return damaged("levels");
+        }
+        if self.cluster_levels.len() != n || !self.cluster_levels.iter().all(|x| x.is_finite()) {
+            return damaged("cluster_levels");
         }
         if !(self.persistence.abs() <= 1.0 && self.correlation.abs() <= 1.0) {
             return damaged("persistence");
@@ -320,38 +320,14 @@ impl PatternModel {
         if !(self.rate.is_finite() && self.rate >= 1.0) {
             return damaged("rate");
         }
-        if let Some(dictionary) = dictionary {
-            let found = dictionary.id();
-            if found != self.dictionary {
-                return Err(ModelError::Dictionary { found, wanted: self.dictionary.clone() });
-            }
-            if self.clusters.iter().flatten().any(|grain| *grain as usize >= dictionary.len()) {
-                return damaged("clusters");
-            }
+        let found = dictionary.id();
+        if found != self.dictionary {
+            return Err(ModelError::Dictionary { found, wanted: self.dictionary.clone() });
+        }
+        if self.clusters.iter().flatten().any(|grain| *grain as usize >= dictionary.len()) {
+            return damaged("clusters");
         }
         Ok(())
-    }
-
-    /// The model as one file: a signature, the version, a digest, and the fields.
-    ///
-    /// # Errors
-    /// When it cannot be encoded.
-    pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
-        let body = postcard::to_allocvec(self).map_err(|e| e.to_string())?;
-        Ok(seal(MAGIC, self.version, &body))
-    }
-
-    /// The model in such a file.
-    ///
-    /// # Errors
-    /// Other files, other versions, damage.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        let other = |found| ModelError::Version { found };
-        let body = unseal((MAGIC, MODEL_VERSION), "a model of patterns", bytes, other)?;
-        let model: Self =
-            postcard::from_bytes(body).map_err(|e| format!("the model of patterns is damaged: {e}"))?;
-        model.validate(None).map_err(|e| e.to_string())?;
-        Ok(model)
     }
 
     /// Figures for the summary of a run.
@@ -361,34 +337,14 @@ impl PatternModel {
         vec![
             ("grains", (self.count as usize).into()),
             ("mean_interval_s", (mean(&self.intervals) / self.rate).into()),
-            ("mean_level_db", mean(&self.levels).into()),
             ("correlation", self.correlation.into()),
             ("clusters", self.clusters.iter().filter(|c| !c.is_empty()).count().into()),
         ]
     }
 }
 
-impl Artefact for PatternModel {
-    const CODE: &'static str = "F151";
-    const HELP: Option<&'static str> = Some("write one with --tap model=FILE.bin");
-    const MAGIC: &'static [u8] = MAGIC;
-
-    fn from_file(bytes: &[u8]) -> Result<Self, String> {
-        Self::from_bytes(bytes)
-    }
-
-    fn summary(&self) -> Summary {
-        self.figures()
-    }
-}
-
 impl Data for PatternModel {
     const NAME: &'static str = "model of patterns";
-    const FILES: bool = true;
-
-    fn file(&self) -> Option<Vec<u8>> {
-        self.to_bytes().ok()
-    }
 
     fn trial(rng: &mut Rng) -> Self {
         let dictionary = crate::grain::trial_dictionary();
@@ -396,12 +352,12 @@ impl Data for PatternModel {
         let all: Vec<&Pattern> = patterns.patterns.iter().collect();
         let steps = || (0..20).map(|k| k as f64);
         fit(&dictionary, &all, 4, 0.1).unwrap_or_else(|_| Self {
-            version: MODEL_VERSION,
             rate: dictionary.rate,
             dictionary: dictionary.id(),
             count: 20,
             intervals: steps().map(|k| 40.0 + 10.0 * k).collect(),
-            levels: steps().map(|k| k - 40.0).collect(),
+            cluster_levels: vec![-40.0],
+            levels: steps().map(|k| k - 10.0).collect(),
             correlation: 0.0,
             persistence: 0.0,
             clusters: vec![vec![0, 1]],

@@ -72,7 +72,7 @@ impl Func for PatternGenerator {
         let (model, dictionary) = (io.model, io.dictionary);
         let second = io.second.unwrap_or(model);
         for (port, model) in [("model", model), ("second", second)] {
-            model.validate(Some(dictionary)).map_err(|e| Fault::new("F151", e.to_string()).at(port))?;
+            model.validate(dictionary).map_err(|e| Fault::new("F151", e.to_string()).at(port))?;
         }
         if model.clusters.len() != second.clusters.len() {
             let message =

@@ -114,7 +114,7 @@ fn charts(name: &str, rate: f64, seconds: f64, all: &[Walked<'_>], sounds: [&[f3
         ];
         charts.push(Chart::of(title, time, ("correlation", false), lines));
     }
-    for (sound, title) in sounds.into_iter().zip(["recording", "played from grains"]) {
+    for (sound, title) in sounds.into_iter().zip(["recorded", "played"]) {
         let lines = vec![Line::new(title, outline(&sound[..sound.len().min(limit)], rate))];
         charts.push(Chart::of(format!("{file}, {title}"), time, ("amplitude", false), lines));
     }
