@@ -66,9 +66,9 @@ struct Point {
     power: f32,
 }
 
-/// What was seen.
+/// What the report is made of.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-struct Seen {
+struct ContactRecord {
     /// States that last.
     open: Vec<Span>,
     ended: Vec<Span>,
@@ -83,7 +83,7 @@ struct Seen {
 /// The node `ContactReport`.
 #[derive(Debug)]
 pub struct ContactReport {
-    seen: Seen,
+    record: ContactRecord,
 }
 
 fn name(state: State) -> &'static str {
@@ -96,7 +96,7 @@ fn name(state: State) -> &'static str {
     }
 }
 
-impl Seen {
+impl ContactRecord {
     fn end(&mut self, span: Span) {
         if self.ended.len() < MAX_ROWS { self.ended.push(span) } else { self.left_out += 1 }
     }
@@ -237,27 +237,27 @@ impl Node for ContactReport {
     }
 
     fn build(_: &ContactReportParams, _: &Build<'_>) -> Result<Self, Fault> {
-        Ok(Self { seen: Seen::default() })
+        Ok(Self { record: ContactRecord::default() })
     }
 
     fn run(&mut self, io: ContactReportIo<'_>) -> Result<(), Fault> {
         for (tick, event) in io.states.events() {
-            self.seen.add(*tick, event);
+            self.record.add(*tick, event);
         }
         for (tick, impact) in io.impacts.iter().flat_map(|impacts| impacts.events()) {
-            if self.seen.impacts.len() < MAX_ROWS {
-                self.seen.impacts.push((*tick, impact.object, impact.impulse, impact.energy));
+            if self.record.impacts.len() < MAX_ROWS {
+                self.record.impacts.push((*tick, impact.object, impact.impulse, impact.energy));
             } else {
-                self.seen.left_out += 1;
+                self.record.left_out += 1;
             }
         }
         Ok(())
     }
 
     fn finish(&mut self, mut io: ContactReportIo<'_>) -> Result<Summary, Fault> {
-        let seen = std::mem::take(&mut self.seen);
-        let (impacts, left_out) = (seen.impacts.len(), seen.left_out);
-        let table = seen.table();
+        let record = std::mem::take(&mut self.record);
+        let (impacts, left_out) = (record.impacts.len(), record.left_out);
+        let table = record.table();
         let mut summary = vec![("impacts", impacts.into()), ("states", (table.rows.len() - impacts).into())];
         if left_out > 0 {
             summary.push(("warning", format!("{left_out} rows beyond {MAX_ROWS} were left out").into()));
@@ -266,7 +266,7 @@ impl Node for ContactReport {
         Ok(summary)
     }
 
-    archive_state!(seen);
+    archive_state!(record);
 }
 
 #[cfg(test)]
@@ -298,14 +298,14 @@ mod tests {
 
     #[test]
     fn successive_frames_of_a_state_are_one_row() {
-        let mut seen = Seen::default();
+        let mut record = ContactRecord::default();
         let states = [State::Sliding, State::Sliding, State::Static, State::Sliding];
         for (k, s) in states.into_iter().enumerate() {
-            seen.add(ticks(0.01 * k as f64), &state(1, s, k == 3));
-            seen.add(ticks(0.01 * k as f64), &state(2, State::Rolling, false));
+            record.add(ticks(0.01 * k as f64), &state(1, s, k == 3));
+            record.add(ticks(0.01 * k as f64), &state(2, State::Rolling, false));
         }
-        seen.impacts.push((ticks(0.02), 1, 0.5, 0.1));
-        let table = seen.table();
+        record.impacts.push((ticks(0.02), 1, 0.5, 0.1));
+        let table = record.table();
         let texts: Vec<String> = table.rows.iter().map(|row| row[0].text()).collect();
         assert_eq!(texts, ["sliding", "rolling", "static", "sliding", "impact"]);
         let numbers: Vec<String> = table.rows[0].iter().map(crate::table::Cell::text).collect();
@@ -315,9 +315,9 @@ mod tests {
 
     #[test]
     fn the_figure_of_a_long_log_is_bounded() {
-        let mut seen = Seen::default();
-        (0..200_000).for_each(|k| seen.add(ticks(0.001 * k as f64), &state(1, State::Sliding, false)));
-        assert!(seen.points.len() <= MAX_POINTS && seen.points.len() > MAX_POINTS / 4);
-        assert_eq!(seen.table().rows.len(), 1);
+        let mut record = ContactRecord::default();
+        (0..200_000).for_each(|k| record.add(ticks(0.001 * k as f64), &state(1, State::Sliding, false)));
+        assert!(record.points.len() <= MAX_POINTS && record.points.len() > MAX_POINTS / 4);
+        assert_eq!(record.table().rows.len(), 1);
     }
 }
