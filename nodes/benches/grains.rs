@@ -3,8 +3,8 @@
 //! Run with `cargo bench -p foley-nodes --bench grains`. The case of the paper (Picard et al. 2009) is 94 recordings of 7.3 million samples and
 //! 5171 grains, which took 11 minutes and 4 hours. By default every eighth recording is correlated; `FOLEY_GRAINS_WHOLE=1` does all.
 
+use foley_nodes::core::computation::NotStored;
 use foley_nodes::core::random::Rng;
-use foley_nodes::core::shape::NotStored;
 use foley_nodes::grain::correlation::{CorrelateRules, correlate, memory};
 use foley_nodes::grain::dictionary::{ExtractRules, extract};
 use foley_nodes::grain::recording::{Component, GrainRecording, GrainRecordings, Part, SourceKind};

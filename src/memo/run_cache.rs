@@ -9,14 +9,15 @@ use super::store::Store;
 use super::stream::{Codec, PartialStream, Source};
 use crate::graph::Graph;
 use crate::plan::Plan;
+use foley_nodes::core::computation::Partial;
 use foley_nodes::core::files::Files;
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::ports::PortKind;
-use foley_nodes::core::shape::Partial;
 use serde_json::{Map, Value};
 use std::collections::{HashMap, HashSet};
-use std::sync::Arc;
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Code of the warning about an entry that cannot be used.
 const UNUSABLE: &str = "F084";
@@ -40,11 +41,17 @@ fn port_key(node: blake3::Hash, port: &str) -> String {
     hasher.finalize().to_string()
 }
 
+/// Time between two times that partial results are stored.
+const STORED_EVERY: Duration = Duration::from_secs(10);
+
 /// Partial results of a node, as an entry of the cache.
 pub struct StoredPartial<'a> {
     store: &'a Store,
     entry: Entry,
     used: HashSet<String>,
+    /// True when the run is to stop: what is offered then is stored at once.
+    stop: &'a AtomicBool,
+    stored: Mutex<Instant>,
 }
 
 impl StoredPartial<'_> {
@@ -60,8 +67,15 @@ impl Partial for StoredPartial<'_> {
         self.store.read(&self.entry.key).ok().flatten().map(|(_, payload)| payload)
     }
 
-    fn save(&self, bytes: &[u8]) {
-        let _ = self.store.write(&self.entry, bytes, &self.used);
+    fn offer(&self, encode: &dyn Fn() -> Option<Vec<u8>>) {
+        let mut stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
+        if !self.stop.load(Ordering::SeqCst) && stored.elapsed() < STORED_EVERY {
+            return;
+        }
+        if let Some(bytes) = encode() {
+            let _ = self.store.write(&self.entry, &bytes, &self.used);
+        }
+        *stored = Instant::now();
     }
 }
 
@@ -143,7 +157,10 @@ impl<'a> RunCache<'a> {
 
     /// What an interrupted computation of a node left; `None` for a node that is not cached. [`Self::look_up`] comes before it.
     #[must_use]
-    pub fn partial(&self, n: usize) -> Option<StoredPartial<'a>> {
+    pub fn partial<'b>(&self, n: usize, stop: &'b AtomicBool) -> Option<StoredPartial<'b>>
+    where
+        'a: 'b,
+    {
         let key = self.hashes.get(&n)?;
         let node = &self.graph.nodes[n];
         let entry = Entry {
@@ -153,7 +170,8 @@ impl<'a> RunCache<'a> {
             node: node.id.clone(),
             ..Entry::default()
         };
-        Some(StoredPartial { store: self.memo.store(), entry, used: self.used.clone() })
+        let (store, used) = (self.memo.store(), self.used.clone());
+        Some(StoredPartial { store, entry, used, stop, stored: Mutex::new(Instant::now()) })
     }
 
     fn warn_unusable(&mut self, n: usize, file: &str, reason: &str) {

@@ -6,15 +6,14 @@ use crate::diag::Diagnostic;
 use crate::graph::{Graph, Link};
 use crate::plan::{BufferPlan, PlanInput, PlanNode, PlanOutput, Region, Runnable};
 use foley_nodes::core::buffer::{AnyBuffer, Budget};
+use foley_nodes::core::computation::{Background, Monitor, NotStored, Partial, unmonitored};
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::files::{Files, Outputs};
 use foley_nodes::core::input::{Inputs, NoInputs};
 use foley_nodes::core::node::DynNode;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::random::Random;
-use foley_nodes::core::shape::{
-    Background, Build, LinkShape, Monitor, NodeShape, NotStored, Partial, unmonitored,
-};
+use foley_nodes::core::shape::{Build, LinkShape, NodeShape};
 use foley_nodes::core::stage::{InWire, OutWire, Stage, StageNode};
 use foley_nodes::core::time::Tick;
 use std::cell::RefCell;

@@ -6,7 +6,7 @@ use super::report::Report;
 use super::stages::BuildSite;
 use crate::diag::Diagnostic;
 use crate::memo::{Hit, RunCache};
-use foley_nodes::core::shape::{NotStored, Partial};
+use foley_nodes::core::computation::{NotStored, Partial};
 use foley_nodes::core::stage::{Cx, InWire, OutWire};
 use std::cell::RefCell;
 use std::sync::atomic::Ordering;
@@ -50,7 +50,7 @@ pub fn evaluate(
         let outputs: Vec<OutWire> =
             node.ty.outputs.iter().map(|_| OutWire::Value(RefCell::default())).collect();
         let monitor = |share: f64| job.progress.watch(&node.id, share);
-        let stored = cache.as_ref().and_then(|cache| cache.partial(n));
+        let stored = cache.as_ref().and_then(|cache| cache.partial(n, &job.progress.stop));
         let partial: &dyn Partial = stored.as_ref().map_or(&NotStored, |stored| stored);
         let site = BuildSite { monitor: &monitor, partial, ..BuildSite::of(job) };
         let links = site.links(n, values);

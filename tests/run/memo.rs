@@ -431,7 +431,7 @@ fn a_survey_finds_the_key_of_the_next_run_without_running() {
 
 #[test]
 fn what_a_stopped_computation_saved_belongs_to_its_inputs_and_goes_when_it_is_done() {
-    use foley_nodes::core::shape::Partial;
+    use foley_nodes::core::computation::Partial;
     let project = Project::new(MODEL);
     let path = project.path("graph.ron");
     let with = |then: &dyn Fn(Option<&dyn Partial>)| {
@@ -443,16 +443,18 @@ fn what_a_stopped_computation_saved_belongs_to_its_inputs_and_goes_when_it_is_do
         let mut cache = RunCache::new(&memo, &graph, &plan, &files, graph.seed);
         let node = graph.find("model").unwrap();
         // Without its key there is nothing.
-        assert!(cache.partial(node).is_none());
+        let stop = std::sync::atomic::AtomicBool::new(true);
+        assert!(cache.partial(node, &stop).is_none());
         assert!(cache.look_up(node, &std::collections::HashMap::new()).is_none());
-        let partial = cache.partial(node);
+        let partial = cache.partial(node, &stop);
         then(partial.as_ref().map(|p| p as &dyn Partial));
     };
     with(&|partial| {
         let partial = partial.unwrap();
         assert_eq!(partial.load(), None);
-        partial.save(b"first");
-        partial.save(b"half of it");
+        partial.offer(&|| Some(b"first".to_vec()));
+        partial.offer(&|| None);
+        partial.offer(&|| Some(b"half of it".to_vec()));
     });
     with(&|partial| assert_eq!(partial.unwrap().load().as_deref(), Some(&b"half of it"[..])));
     // Another key has another partial result; a finished run removes that of its own.

@@ -4,6 +4,7 @@
 //! Four layers, each of which imports only those before it: data types and time; ports, parameters and shapes; the
 //! contract of nodes ([`node`]); what runs them ([`stage`], [`standalone`]).
 
+pub mod computation;
 mod data;
 pub mod node;
 pub mod params;

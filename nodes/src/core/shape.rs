@@ -1,5 +1,6 @@
 //! Declarations of a node before a run: rates, formats, look-around and end.
 
+use super::computation::{Background, Monitor, Partial};
 use super::fault::{Fault, Reject};
 use super::files::{FileError, Files, Outputs, ReadSeek, WriteSeek, too_large};
 use super::input::Inputs;
@@ -370,51 +371,6 @@ pub struct Build<'a> {
     pub partial: &'a dyn Partial,
     /// Runs work beside the graph.
     pub background: &'a Background,
-}
-
-/// Results of a long computation that a later run of it can go on from, if it is stopped or killed.
-///
-/// They belong to the content of all inputs and parameters of a node. A value node that takes minutes saves now and then what it has, and
-/// loads it when it begins.
-pub trait Partial: Sync {
-    /// What was saved last, if the computation did not come to its end.
-    fn load(&self) -> Option<Vec<u8>>;
-
-    /// Saves what is done so far, in place of what was saved before. A failure is not reported: the computation then begins again.
-    fn save(&self, bytes: &[u8]);
-}
-
-/// Partial results that are not stored.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct NotStored;
-
-impl Partial for NotStored {
-    fn load(&self) -> Option<Vec<u8>> {
-        None
-    }
-
-    fn save(&self, _: &[u8]) {}
-}
-
-/// Runs work beside the windows of a graph, at once or on another thread: a node that analyses what it has received hands it over, and takes
-/// the result from a channel at a later item.
-pub type Background = Arc<dyn Fn(Box<dyn FnOnce() + Send>) + Send + Sync>;
-
-/// The [`Background`] that runs all work at once.
-#[must_use]
-pub fn foreground() -> Background {
-    Arc::new(|work| work())
-}
-
-/// Watches a long computation: it takes the share that is done, from 0 to 1, and returns true if the computation is to stop.
-///
-/// A value node that takes seconds calls it now and then; stopped, it returns [`Fault::stopped`](crate::core::fault::Fault::stopped).
-pub type Monitor<'a> = dyn Fn(f64) -> bool + Sync + 'a;
-
-/// The [`Monitor`] of a computation that nobody watches.
-#[must_use]
-pub fn unmonitored(_: f64) -> bool {
-    false
 }
 
 impl Build<'_> {

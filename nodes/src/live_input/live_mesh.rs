@@ -304,9 +304,9 @@ mod tests {
                 files: &files(),
                 outputs: &MemoryOutputs::default(),
                 inputs: &opened,
-                monitor: &crate::core::shape::unmonitored,
-                partial: &crate::core::shape::NotStored,
-                background: &crate::core::shape::foreground(),
+                monitor: &crate::core::computation::unmonitored,
+                partial: &crate::core::computation::NotStored,
+                background: &crate::core::computation::foreground(),
             },
         );
         assert!(node.unwrap().frames.is_none());

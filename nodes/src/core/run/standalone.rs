@@ -6,15 +6,14 @@ pub use crate::core::feed::Feed;
 use crate::core::files::{MemoryFiles, MemoryOutputs};
 use crate::core::input::NoInputs;
 
+use crate::core::computation::{NotStored, foreground, unmonitored};
 use crate::core::feed::FeedSource;
 use crate::core::item::{AnyValue, Data, Event, Item, StreamShape};
 use crate::core::node::{DynNode, Func, Node, NodeType, Summary};
 use crate::core::params::AnyParams;
 use crate::core::ports::{Events, Many, Port, PortKind, PortSpec, Stream, Value};
 use crate::core::random::Random;
-use crate::core::shape::{
-    Build, Ends, LinkShape, Lookaround, NodeShape, NotStored, RawShape, foreground, unmonitored,
-};
+use crate::core::shape::{Build, Ends, LinkShape, Lookaround, NodeShape, RawShape};
 use crate::core::stage::{Clock, Cx, InWire, OutWire, Stage, StageNode, max_items};
 use crate::core::state::{StateArchive, Stateful};
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};

@@ -5,7 +5,7 @@ use super::patterns::{
 };
 use super::peaks::{GrainCorrelation, Normaliser, Scores};
 use super::transform::{Blocks, best_size};
-use crate::core::shape::Partial;
+use crate::core::computation::Partial;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
 use rayon::prelude::*;
@@ -13,7 +13,6 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::{Duration, Instant};
 
 /// Peaks that are retained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -304,9 +303,6 @@ pub fn memory(dictionary: &GrainDictionary, longest: usize, threads: usize) -> u
     Blocks::bytes(outputs, max_len, size) + threads * (9 * outputs + 24 * size) + 8 * longest + grains
 }
 
-/// Time between two times that finished patterns are saved.
-const SAVED_EVERY: Duration = Duration::from_secs(10);
-
 /// The patterns of the first parts, if an interrupted computation left them.
 fn resumed(parts: &[(&GrainRecording, &Part)], partial: &dyn Partial) -> Vec<Pattern> {
     let found: Option<Vec<Pattern>> = partial.load().and_then(|bytes| postcard::from_bytes(&bytes).ok());
@@ -324,7 +320,7 @@ fn resumed(parts: &[(&GrainRecording, &Part)], partial: &dyn Partial) -> Vec<Pat
 ///
 /// at least half a grain apart for each grain. Of all grains the best in each interval, or in each recording, are retained. The result does
 /// not depend on the number of threads. `stop` receives the share of the work that is done, and returns true to stop: then the result is
-/// `None`. Finished patterns are saved as `partial` every ten seconds and when it is stopped, and it goes on from those that are there.
+/// `None`. Finished patterns are offered to `partial`, and it goes on from those that are there.
 ///
 /// # Complexity
 /// One inverse transform for each grain and each block of a recording; [`memory`] states the memory. Peaks are compared over sections of
@@ -357,12 +353,6 @@ pub fn correlate(
     let mut by_component: Vec<(Component, Vec<Bucket>)> = Vec::new();
     let mut patterns = resumed(&parts, partial);
     progress.done = parts.iter().take(patterns.len()).map(work).sum();
-    let (mut saved, mut since) = (patterns.len(), Instant::now());
-    let save = |patterns: &[Pattern]| {
-        if let Ok(bytes) = postcard::to_allocvec(patterns) {
-            partial.save(&bytes);
-        }
-    };
     for (recording, part) in parts.into_iter().skip(patterns.len()) {
         if !by_component.iter().any(|(c, _)| *c == part.component) {
             let grains = dictionary.grains.iter().enumerate().filter(|(_, g)| fits(part.component, g));
@@ -388,9 +378,7 @@ pub fn correlate(
         let mut candidates = Vec::new();
         for bucket in all.unwrap_or_default() {
             let Some(found) = search(&x, bucket, &normaliser, &slots, rules, &mut progress) else {
-                if patterns.len() > saved {
-                    save(&patterns);
-                }
+                partial.offer(&|| postcard::to_allocvec(&patterns).ok());
                 return None;
             };
             candidates.extend(found);
@@ -408,10 +396,7 @@ pub fn correlate(
         };
         pattern.sort();
         patterns.push(pattern);
-        if since.elapsed() > SAVED_EVERY {
-            save(&patterns);
-            (saved, since) = (patterns.len(), Instant::now());
-        }
+        partial.offer(&|| postcard::to_allocvec(&patterns).ok());
     }
     Some(CorrelationPatterns {
         version: PATTERNS_VERSION,

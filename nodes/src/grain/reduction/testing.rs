@@ -1,7 +1,7 @@
 //! Recordings of the tests of this module.
 
+use crate::core::computation::NotStored;
 use crate::core::random::Rng;
-use crate::core::shape::NotStored;
 use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, correlate};
 use crate::grain::dictionary::{ExtractRules, GrainDictionary, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};

@@ -3,13 +3,14 @@
 use super::estimators::{Compared, median_and_mean, relative_errors};
 use super::significance::{SIGNIFICANT, Significance, compare, significance_table};
 use super::synthetic::{Collection, CollectionSize};
+use crate::core::computation::Monitor;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
-use crate::core::shape::{Build, Monitor, Shape};
+use crate::core::shape::{Build, Shape};
 use crate::dsp::db_to_linear;
 use crate::plot::{Chart, Line};
 use crate::table::{Cell, ResultTable};
@@ -349,7 +350,7 @@ impl Func for DampingExperiment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::shape::unmonitored;
+    use crate::core::computation::unmonitored;
 
     fn params() -> DampingExperimentParams {
         DampingExperimentParams::read(&|_| None).unwrap()

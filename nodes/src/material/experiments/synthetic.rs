@@ -1,7 +1,7 @@
 //! Features of synthetic sounds of known damping, with or without their audio.
 
+use crate::core::computation::Monitor;
 use crate::core::random::Rng;
-use crate::core::shape::Monitor;
 use crate::material::estimation::point::DampingPoint;
 use crate::material::points::gate::Gate;
 use crate::material::statistics::normal::standard_normal;
@@ -293,7 +293,7 @@ impl Collection {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::shape::unmonitored;
+    use crate::core::computation::unmonitored;
 
     #[test]
     fn sounds_lie_above_the_curve_of_their_material() {

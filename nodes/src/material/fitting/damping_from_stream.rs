@@ -1,11 +1,12 @@
 //! Damping fitted to knocks in a stream, while it plays, as a node.
 
+use crate::core::computation::Background;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{Events, Stream};
 use crate::core::random::Rng;
-use crate::core::shape::{Background, Build, Shape};
+use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::db_to_linear;
 use crate::material::DampingModel;

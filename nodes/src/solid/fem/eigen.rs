@@ -7,7 +7,7 @@ use super::dense;
 use super::factor::Symbolic;
 use super::lanczos::{BLOCK, Basis, Ritz};
 use super::rigid::rigid_motions;
-use crate::core::shape::Monitor;
+use crate::core::computation::Monitor;
 use faer::{Mat, MatRef};
 use std::f64::consts::TAU;
 use thiserror::Error;

@@ -66,9 +66,9 @@ fn echoes(window: i64) -> Vec<f32> {
                 files,
                 outputs,
                 inputs: &crate::core::input::NoInputs,
-                monitor: &crate::core::shape::unmonitored,
-                partial: &crate::core::shape::NotStored,
-                background: &crate::core::shape::foreground(),
+                monitor: &crate::core::computation::unmonitored,
+                partial: &crate::core::computation::NotStored,
+                background: &crate::core::computation::foreground(),
             },
         )
         .unwrap()

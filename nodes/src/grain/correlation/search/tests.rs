@@ -1,6 +1,6 @@
 use super::*;
+use crate::core::computation::NotStored;
 use crate::core::random::Rng;
-use crate::core::shape::NotStored;
 use crate::grain::dictionary::{ExtractRules, extract};
 use crate::grain::recording::SourceKind;
 
@@ -146,13 +146,13 @@ fn the_number_of_threads_changes_nothing_and_work_can_be_stopped() {
 #[derive(Default)]
 struct InMemory(std::sync::Mutex<Option<Vec<u8>>>);
 
-impl crate::core::shape::Partial for InMemory {
+impl crate::core::computation::Partial for InMemory {
     fn load(&self) -> Option<Vec<u8>> {
         self.0.lock().unwrap().clone()
     }
 
-    fn save(&self, bytes: &[u8]) {
-        *self.0.lock().unwrap() = Some(bytes.to_vec());
+    fn offer(&self, encode: &dyn Fn() -> Option<Vec<u8>>) {
+        *self.0.lock().unwrap() = encode();
     }
 }
 
@@ -181,6 +181,6 @@ fn a_stopped_correlation_goes_on_where_it_was() {
     let others = recordings((0..2).map(|k| noise(5000, 60 + k)).collect());
     let found = correlate(&others, &dictionary, &rules, &|_| false, &partial).unwrap();
     assert_eq!(found, correlate(&others, &dictionary, &rules, &|_| false, &NotStored).unwrap());
-    partial.save(b"nothing");
+    partial.offer(&|| Some(b"nothing".to_vec()));
     assert_eq!(correlate(&all, &dictionary, &rules, &|_| false, &partial).unwrap(), whole);
 }

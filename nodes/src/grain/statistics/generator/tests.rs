@@ -1,7 +1,7 @@
 use super::super::model::{fit, lag_correlation, persistence};
 use super::*;
+use crate::core::computation::NotStored;
 use crate::core::random::{Random, Rng};
-use crate::core::shape::NotStored;
 use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, Pattern, correlate};
 use crate::grain::dictionary::{ExtractRules, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};

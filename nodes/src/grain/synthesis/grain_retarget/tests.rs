@@ -1,7 +1,7 @@
 use super::*;
+use crate::core::computation::NotStored;
 use crate::core::feed::Feed;
 use crate::core::item::{AnyValue, Event};
-use crate::core::shape::NotStored;
 use crate::core::standalone::Standalone;
 use crate::grain::correlation::{CorrelateRules, correlate};
 use crate::grain::dictionary::{ExtractRules, extract};

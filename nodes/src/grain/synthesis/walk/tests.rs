@@ -1,7 +1,7 @@
 use super::super::segment::sound_of;
 use super::*;
+use crate::core::computation::NotStored;
 use crate::core::random::{Random, Rng};
-use crate::core::shape::NotStored;
 use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, Retention, correlate};
 use crate::grain::dictionary::{ExtractRules, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
