@@ -43,20 +43,6 @@ fn find(name: &str) -> Option<PathBuf> {
     path.is_file().then_some(path)
 }
 
-/// All samples, channels averaged, and the rate.
-fn read(path: &Path) -> (Vec<f32>, f64) {
-    let mut reader = AudioReader::open(Box::new(File::open(path).expect("a file"))).expect("a recording");
-    let (channels, rate) = (reader.info().channels, f64::from(reader.info().rate));
-    let (mut all, mut block) = (Vec::new(), vec![0.0_f32; 4096 * channels]);
-    loop {
-        let n = reader.read(&mut block).expect("samples");
-        if n == 0 {
-            return (all, rate);
-        }
-        all.extend(block[..n * channels].chunks(channels).map(|x| x.iter().sum::<f32>() / channels as f32));
-    }
-}
-
 /// Number of pairs of both within the tolerance, one to one in order of time.
 fn pairs(labels: &[f64], found: &[f64]) -> usize {
     let (mut i, mut j, mut count) = (0, 0, 0);
@@ -88,7 +74,8 @@ fn main() {
     for (name, labelled) in &all {
         let Some(path) = find(name) else { continue };
         writeln!(out, "{name},{}", path.display()).expect("the list");
-        let (x, rate) = read(&path);
+        let mut reader = AudioReader::open(Box::new(File::open(path).expect("a file"))).expect("a recording");
+        let (x, rate) = (reader.read_mono().expect("samples"), f64::from(reader.info().rate));
         let found: Vec<f64> = onsets(&x, FluxFrames::at_rate(rate), rate, ONSET_RISE)
             .into_iter()
             .map(|t| t as f64 / rate)

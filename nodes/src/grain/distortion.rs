@@ -25,7 +25,7 @@ impl Distortion {
     /// Adds the frames of one sound.
     ///
     /// # Complexity
-    /// Two transforms for each 10 ms.
+    /// Two transforms for each 10 ms, and the memory of one frame.
     pub fn add(&mut self, reference: &[f32], sound: &[f32], rate: f64) {
         self.add_ratios(reference, sound, rate);
         self.add_distances(reference, sound, rate);
@@ -56,26 +56,26 @@ impl Distortion {
         let window: Vec<f64> =
             (0..size).map(|i| 0.5 - 0.5 * (2.0 * PI * i as f64 / size as f64).cos()).collect();
         let (mut input, mut spectrum) = (plan.make_input_vec(), plan.make_output_vec());
+        let windowed =
+            |x: &[f32], start: usize, i: usize| window[i] * x.get(start + i).copied().map_or(0.0, f64::from);
+        let energy = |start: usize| (0..size).map(|i| windowed(reference, start, i).powi(2)).sum::<f64>();
         let mut powers = |x: &[f32], start: usize| -> Vec<f64> {
-            for (i, (y, w)) in input.iter_mut().zip(&window).enumerate() {
-                *y = w * x.get(start + i).copied().map_or(0.0, f64::from);
-            }
+            input.iter_mut().enumerate().for_each(|(i, y)| *y = windowed(x, start, i));
             // Lengths agree by construction.
             if plan.process(&mut input, &mut spectrum).is_err() {
                 return vec![0.0; size / 2 + 1];
             }
             spectrum.iter().map(|x| x.norm_sqr()).collect()
         };
-        let starts = (0..reference.len()).step_by(size / 4);
-        let all: Vec<[Vec<f64>; 2]> = starts.map(|t| [powers(reference, t), powers(sound, t)]).collect();
+        let starts = || (0..reference.len()).step_by(size / 4);
         let total = |x: &[f64]| x.iter().sum::<f64>();
-        let loudest = all.iter().map(|[x, _]| total(x)).fold(0.0, f64::max);
-        let limit = loudest * 10f64.powf(QUIET / 10.0);
-        for [x, y] in all.iter().filter(|[x, _]| total(x) > limit && total(x) > 0.0) {
+        let limit = starts().map(energy).fold(0.0, f64::max) * 10f64.powf(QUIET / 10.0);
+        for start in starts().filter(|start| energy(*start) > limit) {
+            let (x, y) = (powers(reference, start), powers(sound, start));
             // Bins far below the mean of the frame do not count.
-            let floor = total(x) / x.len() as f64 * 10f64.powf(QUIET / 10.0);
+            let floor = total(&x) / x.len() as f64 * 10f64.powf(QUIET / 10.0);
             let square = |(x, y): (&f64, &f64)| (10.0 * (x.max(floor) / y.max(floor)).log10()).powi(2);
-            let mean = x.iter().zip(y).map(square).sum::<f64>() / x.len() as f64;
+            let mean = x.iter().zip(&y).map(square).sum::<f64>() / x.len() as f64;
             self.distances += mean.sqrt();
             self.frames += 1;
         }

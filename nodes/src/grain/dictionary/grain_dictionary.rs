@@ -11,6 +11,7 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::grain::recording::GrainRecordings;
+use crate::grain::segmentation::segments::check_lengths;
 use crate::grain::segmentation::{CutKind, FluxFrames, SegmentRules};
 use crate::table::ResultTable;
 use crate::{params, ports};
@@ -113,14 +114,7 @@ impl Func for GrainDictionaryNode {
     const EXPOSES_PATHS: bool = true;
 
     fn check(p: &GrainDictionaryParams, s: &mut Shape<'_, '_, GrainDictionaryPorts>) -> Result<(), Reject> {
-        if p.longest < 2.0 * p.shortest {
-            let message = format!(
-                "`longest` is {} s, less than twice `shortest`, which is {} s",
-                p.longest, p.shortest
-            );
-            let help = "a grain that is too long is cut into two that are not too short";
-            s.wrong(Reject::new("F150", message).at("longest").help(help));
-        }
+        s.check(check_lengths(p.shortest, p.longest));
         // The flux must be finer than the shortest grain.
         if p.frame / 4.0 > p.shortest / 2.0 {
             let message = format!(

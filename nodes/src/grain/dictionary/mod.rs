@@ -11,5 +11,4 @@ mod taper;
 
 pub use extraction::{ExtractRules, TaperPlacement, extract};
 pub use grains::{BYTES_PER_GRAIN, GRAINS_VERSION, Grain, GrainDictionary, GrainError, GrainSource, Run};
-pub(crate) use subset::needed;
 pub use taper::TaperShape;

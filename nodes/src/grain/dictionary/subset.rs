@@ -1,16 +1,12 @@
 //! Some of the grains of a dictionary.
 
-use super::grains::{Grain, GrainDictionary, Run};
+use super::grains::{BYTES_PER_GRAIN, Grain, GrainDictionary, Run};
 use std::ops::Range;
 
 /// Samples of a run that some of its grains need: each windowed grain, and up to `margin` samples around it.
 ///
 /// `grains` are in order of time; the ranges are, too, and none touches the next one.
-pub(crate) fn needed<'a>(
-    grains: impl Iterator<Item = &'a Grain>,
-    margin: usize,
-    frames: usize,
-) -> Vec<Range<usize>> {
+fn needed<'a>(grains: impl Iterator<Item = &'a Grain>, margin: usize, frames: usize) -> Vec<Range<usize>> {
     let mut ranges: Vec<Range<usize>> = Vec::new();
     for grain in grains {
         let (start, end) = (grain.position as usize, grain.position as usize + grain.len as usize);
@@ -25,6 +21,32 @@ pub(crate) fn needed<'a>(
 }
 
 impl GrainDictionary {
+    /// Indices of the grains of each run, in order of time.
+    pub(crate) fn grains_of_runs(&self) -> Vec<Vec<usize>> {
+        let mut of_run: Vec<Vec<usize>> = vec![Vec::new(); self.runs.len()];
+        for (k, grain) in self.grains.iter().enumerate() {
+            if let Some(all) = of_run.get_mut(grain.run as usize) {
+                all.push(k);
+            }
+        }
+        of_run.iter_mut().for_each(|all| all.sort_by_key(|k| self.grains[*k].position));
+        of_run
+    }
+
+    /// Bytes that some grains of a run, in order of time, have in a subset, as [`Self::bytes`] counts them.
+    pub(crate) fn bytes_of(
+        &self,
+        run: usize,
+        grains: impl Iterator<Item = usize> + Clone,
+        margin: usize,
+    ) -> usize {
+        let count = grains.clone().count();
+        let Some(run) = self.runs.get(run) else { return 0 };
+        let ranges = needed(grains.map(|k| &self.grains[k]), margin, run.frames as usize);
+        let samples: usize = ranges.iter().map(ExactSizeIterator::len).sum();
+        samples * usize::from(run.channels) * self.sample_bytes() + BYTES_PER_GRAIN * count
+    }
+
     /// Returns a dictionary of the grains for which `retained` is true, in their order, with up to `margin` samples around each.
     ///
     /// Sources without grains stay, so that the indices of sources are the same.
@@ -37,12 +59,6 @@ impl GrainDictionary {
     #[must_use]
     pub fn subset(&self, retained: &[bool], margin: usize) -> Self {
         let is_retained = |k: usize| retained.get(k).copied().unwrap_or(false);
-        let mut of_run: Vec<Vec<usize>> = vec![Vec::new(); self.runs.len()];
-        for (k, grain) in self.grains.iter().enumerate().filter(|(k, _)| is_retained(*k)) {
-            if let Some(all) = of_run.get_mut(grain.run as usize) {
-                all.push(k);
-            }
-        }
         let mut subset = Self {
             sources: self.sources.clone(),
             grains: Vec::new(),
@@ -52,8 +68,8 @@ impl GrainDictionary {
             ..*self
         };
         let mut moved: Vec<Option<(u32, u32)>> = vec![None; self.grains.len()];
-        for (run, mut all) in self.runs.iter().zip(of_run) {
-            all.sort_by_key(|k| self.grains[*k].position);
+        for (run, mut all) in self.runs.iter().zip(self.grains_of_runs()) {
+            all.retain(|k| is_retained(*k));
             for range in needed(all.iter().map(|k| &self.grains[*k]), margin, run.frames as usize) {
                 let index = subset.runs.len() as u32;
                 for k in all.iter().filter(|k| range.contains(&(self.grains[**k].position as usize))) {
@@ -89,6 +105,9 @@ mod tests {
         let retained: Vec<bool> = (0..all.len()).map(|k| k % 3 == 1).collect();
         let some = all.subset(&retained, 40);
         some.validate().unwrap();
+        let bytes =
+            |(run, own): (usize, Vec<usize>)| all.bytes_of(run, own.into_iter().filter(|k| retained[*k]), 40);
+        assert_eq!(all.grains_of_runs().into_iter().enumerate().map(bytes).sum::<usize>(), some.bytes());
         assert_eq!(some.len(), retained.iter().filter(|r| **r).count());
         assert!(some.bytes() < all.bytes());
         let old = all.grains.iter().zip(&retained).filter(|(_, r)| **r).map(|(g, _)| g);

@@ -80,6 +80,27 @@ pub struct Reduced {
     pub patterns: CorrelationPatterns,
 }
 
+impl Reduced {
+    /// Patterns with other peaks over a smaller dictionary.
+    pub(super) fn new(
+        dictionary: GrainDictionary,
+        patterns: &CorrelationPatterns,
+        peaks: impl Fn(&GrainDictionary, &Pattern) -> Vec<Peak>,
+    ) -> Self {
+        let rewritten = |pattern: &Pattern| {
+            let mut new = Pattern { peaks: peaks(&dictionary, pattern), ..pattern.clone() };
+            new.sort();
+            new
+        };
+        let patterns = CorrelationPatterns {
+            dictionary: dictionary.id(),
+            patterns: patterns.patterns.iter().map(rewritten).collect(),
+            ..*patterns
+        };
+        Self { dictionary, patterns }
+    }
+}
+
 /// New index of each retained grain.
 pub(super) fn renumbered(retained: &[bool]) -> Vec<Option<u32>> {
     let mut next = 0;
@@ -92,32 +113,25 @@ pub(super) fn renumbered(retained: &[bool]) -> Vec<Option<u32>> {
     retained.iter().map(number).collect()
 }
 
-/// Peaks of one grain that lie within half of it, of which the best is left.
-fn without_doubles(pattern: &mut Pattern, dictionary: &GrainDictionary) {
-    if pattern.is_sequence {
-        return;
-    }
-    let mut order: Vec<usize> = (0..pattern.peaks.len()).collect();
-    let key = |k: &usize| (pattern.peaks[*k].grain, pattern.peaks[*k].t);
-    order.sort_by_key(key);
+/// Removes, of the peaks of one grain that lie within half of it, all but the best.
+fn without_doubles(peaks: Vec<Peak>, dictionary: &GrainDictionary) -> Vec<Peak> {
+    let mut order: Vec<usize> = (0..peaks.len()).collect();
+    order.sort_by_key(|k| (peaks[*k].grain, peaks[*k].t));
     let mut dropped = vec![false; order.len()];
-    for same in order.chunk_by(|a, b| pattern.peaks[*a].grain == pattern.peaks[*b].grain) {
-        let grain = pattern.peaks[same[0]].grain;
-        let apart = dictionary.grains.get(grain as usize).map_or(1, |g| g.window_len() as u32 / 2).max(1);
+    for same in order.chunk_by(|a, b| peaks[*a].grain == peaks[*b].grain) {
+        let grain = dictionary.grains.get(peaks[same[0]].grain as usize);
+        let apart = grain.map_or(1, |g| g.window_len() as u32 / 2).max(1);
         let mut last: Option<usize> = None;
         for k in same {
-            let near = last.filter(|l| pattern.peaks[*k].t - pattern.peaks[*l].t < apart);
+            let near = last.filter(|l| peaks[*k].t - peaks[*l].t < apart);
             match near {
-                Some(l) if pattern.peaks[*k].correlation <= pattern.peaks[l].correlation => {
-                    dropped[*k] = true
-                }
+                Some(l) if peaks[*k].correlation <= peaks[l].correlation => dropped[*k] = true,
                 Some(l) => (dropped[l], last) = (true, Some(*k)),
                 None => last = Some(*k),
             }
         }
     }
-    let mut dropped = dropped.into_iter();
-    pattern.peaks.retain(|_| !dropped.next().unwrap_or(false));
+    peaks.into_iter().zip(dropped).filter(|(_, dropped)| !dropped).map(|(peak, _)| peak).collect()
 }
 
 /// Replaces each grain by its leader: in the dictionary, of which `margin` samples around each leader are left, and in the patterns.
@@ -134,35 +148,28 @@ pub fn merged(
     let reduced =
         if retained.iter().all(|r| *r) { dictionary.clone() } else { dictionary.subset(&retained, margin) };
     let index = renumbered(&retained);
-    let rewritten = |pattern: &Pattern| {
-        let peak = |peak: &Peak| {
-            let substitute = substitutes.get(peak.grain as usize)?;
-            let grain = (*index.get(substitute.grain as usize)?)?;
-            if substitute.grain == peak.grain {
-                return Some(Peak { grain, ..*peak });
-            }
-            let last = pattern.frames as i64 - reduced.grains.get(grain as usize)?.window_len() as i64;
-            let gain = f64::from(peak.gain) * f64::from(substitute.gain.abs());
-            let t = (i64::from(peak.t) + i64::from(substitute.lag)).min(last).max(0) as u32;
-            (last >= 0).then(|| Peak {
-                t,
-                grain,
-                correlation: stored_correlation(f64::from(peak.correlation * substitute.correlation)),
-                gain: stored_gain(gain),
-                negative: peak.negative != (substitute.gain < 0.0),
-            })
-        };
-        let mut new = Pattern { peaks: pattern.peaks.iter().filter_map(peak).collect(), ..pattern.clone() };
-        without_doubles(&mut new, &reduced);
-        new.sort();
-        new
+    let replaced = |dictionary: &GrainDictionary, pattern: &Pattern, peak: &Peak| {
+        let substitute = substitutes.get(peak.grain as usize)?;
+        let grain = (*index.get(substitute.grain as usize)?)?;
+        if substitute.grain == peak.grain {
+            return Some(Peak { grain, ..*peak });
+        }
+        let last = pattern.frames as i64 - dictionary.grains.get(grain as usize)?.window_len() as i64;
+        let gain = f64::from(peak.gain) * f64::from(substitute.gain.abs());
+        let t = (i64::from(peak.t) + i64::from(substitute.lag)).min(last).max(0) as u32;
+        (last >= 0).then(|| Peak {
+            t,
+            grain,
+            correlation: stored_correlation(f64::from(peak.correlation * substitute.correlation)),
+            gain: stored_gain(gain),
+            negative: peak.negative != (substitute.gain < 0.0),
+        })
     };
-    let patterns = CorrelationPatterns {
-        dictionary: reduced.id(),
-        patterns: patterns.patterns.iter().map(rewritten).collect(),
-        ..*patterns
-    };
-    Reduced { dictionary: reduced, patterns }
+    Reduced::new(reduced, patterns, |dictionary, pattern| {
+        let peaks = pattern.peaks.iter().filter_map(|peak| replaced(dictionary, pattern, peak)).collect();
+        // The grains of a sequence are all played.
+        if pattern.is_sequence { peaks } else { without_doubles(peaks, dictionary) }
+    })
 }
 
 #[cfg(test)]

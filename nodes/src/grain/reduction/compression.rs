@@ -2,13 +2,14 @@
 
 use super::clusters::{Reduced, merged, substitutes};
 use super::similarity::{norms, similar_pairs};
-use super::subset::{reduced, retained_grains};
+use super::subset::{reduced, retained_bytes, retained_grains};
 use crate::core::random::Random;
 use crate::grain::Distortion;
 use crate::grain::correlation::{CorrelationPatterns, Pattern};
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::{GrainRecording, GrainRecordings};
 use crate::grain::synthesis::{GapRule, sequence, sound_of, walk};
+use crate::material::statistics::ratings::mean_and_deviation;
 use crate::plot::{Chart, Line};
 use crate::table::{Cell, ResultTable};
 use rayon::prelude::*;
@@ -28,15 +29,89 @@ pub struct CompressionRules {
     pub neighbours: usize,
     /// Samples stored around grains without neighbours.
     pub margin: usize,
-    /// Bytes of the same recordings after another coder, if they are compared too.
-    pub coded_bytes: Option<u64>,
 }
 
-/// One line of the table.
+/// One point of the curves of bytes and errors.
 struct Point {
-    grains: usize,
+    /// Grains, if there are any.
+    grains: Option<usize>,
+    /// Bytes of the grains, and of the patterns.
     bytes: [usize; 2],
-    error: Distortion,
+    /// Segmental signal-to-noise ratio and log-spectral distance, dB.
+    figures: [f64; 2],
+    /// Standard deviation of both over several sets of grains.
+    deviations: [Option<f64>; 2],
+}
+
+/// The table with its curves.
+struct Curves {
+    table: ResultTable,
+    /// Bytes of the recordings.
+    whole: usize,
+    /// Points of each method: share of the bytes, and both figures.
+    points: Vec<(&'static str, Vec<[f64; 3]>)>,
+}
+
+impl Curves {
+    /// The table with the recordings themselves.
+    fn new(recordings: &GrainRecordings) -> Self {
+        let samples = |r: &GrainRecording| r.len() * r.parts.first().map_or(1, |part| part.channels.len());
+        let whole = 2 * recordings.recordings.iter().map(samples).sum::<usize>();
+        let mut table = ResultTable::new(&[
+            "method",
+            "setting",
+            "grains",
+            "grain_bytes",
+            "pattern_bytes",
+            "share_of_recordings",
+            "segmental_snr_db",
+            "log_spectral_distance_db",
+            "snr_deviation_db",
+            "distance_deviation_db",
+        ]);
+        table.push(
+            ["recordings".into(), Cell::Empty, Cell::Empty, whole.into(), 0_usize.into(), 1.0.into()]
+                .into_iter()
+                .chain([const { Cell::Empty }; 4]),
+        );
+        Self { table, whole, points: Vec::new() }
+    }
+
+    fn add(&mut self, method: &'static str, setting: Option<f64>, point: &Point) {
+        let share = (point.bytes[0] + point.bytes[1]) as f64 / self.whole.max(1) as f64;
+        let ([ratio, distance], [of_ratio, of_distance]) = (point.figures, point.deviations);
+        self.table.push([
+            method.into(),
+            setting.into(),
+            point.grains.map_or(Cell::Empty, Cell::from),
+            point.bytes[0].into(),
+            point.bytes[1].into(),
+            share.into(),
+            ratio.into(),
+            distance.into(),
+            of_ratio.into(),
+            of_distance.into(),
+        ]);
+        let at = self.points.iter().position(|(name, _)| *name == method).unwrap_or(self.points.len());
+        if at == self.points.len() {
+            self.points.push((method, Vec::new()));
+        }
+        self.points[at].1.push([share, ratio, distance]);
+    }
+
+    /// The table, with a chart of each figure over the bytes.
+    fn finish(mut self) -> ResultTable {
+        for (title, k) in [("segmental signal-to-noise ratio, dB", 1), ("log-spectral distance, dB", 2)] {
+            let line = |(name, points): &(&str, Vec<[f64; 3]>)| {
+                let points: Vec<[f64; 2]> = points.iter().map(|p| [p[0], p[k]]).collect();
+                if points.len() > 1 { Line::new(*name, points) } else { Line::dots(*name, points) }
+            };
+            let lines = self.points.iter().map(line).collect();
+            let bytes = ("share of the bytes of the recordings", false);
+            self.table.charts.push(Chart::of(title, bytes, (title, false), lines));
+        }
+        self.table
+    }
 }
 
 /// The grains of the walk through each pattern, and no others.
@@ -46,25 +121,28 @@ fn walked(patterns: &CorrelationPatterns, dictionary: &GrainDictionary) -> Corre
     CorrelationPatterns { patterns: patterns.patterns.iter().map(of_pattern).collect(), ..patterns.clone() }
 }
 
+/// The figures of sounds.
+fn figures(error: Distortion) -> [f64; 2] {
+    [error.segmental_ratio(), error.log_spectral_distance()]
+}
+
 /// Plays all recordings from their patterns, and compares.
 fn measure(originals: &[Vec<f32>], names: &[&str], stored: &Reduced) -> Point {
     let Reduced { dictionary, patterns } = stored;
     let of_recording = |(x, name): (&Vec<f32>, &&str)| {
-        let mut y = vec![0.0; x.len()];
-        for pattern in patterns.patterns.iter().filter(|pattern| pattern.name == **name) {
-            let part = sound_of(dictionary, &walk(pattern, dictionary, GapRule::Extend), x.len());
-            y.iter_mut().zip(part).for_each(|(sum, x)| *sum += x);
-        }
+        let own = patterns.patterns.iter().filter(|pattern| pattern.name == **name);
+        let walks = own.map(|pattern| walk(pattern, dictionary, GapRule::Extend));
         let mut error = Distortion::default();
-        error.add(x, &y, dictionary.rate);
+        error.add(x, &sound_of(dictionary, walks, x.len()), dictionary.rate);
         error
     };
     let all: Vec<Distortion> = originals.par_iter().zip(names).map(of_recording).collect();
     let bytes = |file: Result<Vec<u8>, String>| file.map_or(0, |bytes| bytes.len());
     Point {
-        grains: dictionary.len(),
+        grains: Some(dictionary.len()),
         bytes: [bytes(dictionary.to_bytes()), bytes(patterns.to_bytes())],
-        error: all.into_iter().fold(Distortion::default(), Distortion::with),
+        figures: figures(all.into_iter().fold(Distortion::default(), Distortion::with)),
+        deviations: [None; 2],
     }
 }
 
@@ -86,7 +164,7 @@ fn random_grains(
     let (mut fits, mut exceeds) = (0, dictionary.len() + 1);
     while exceeds - fits > 1 {
         let count = fits.midpoint(exceeds);
-        if dictionary.subset(&of_first(count), margin).bytes() <= budget {
+        if retained_bytes(dictionary, &of_first(count), margin) <= budget {
             fits = count
         } else {
             exceeds = count
@@ -95,116 +173,60 @@ fn random_grains(
     of_first(fits)
 }
 
-/// Mean and standard deviation.
-fn mean_and_deviation(x: &[f64]) -> [f64; 2] {
-    let n = x.len().max(1) as f64;
-    let mean = x.iter().sum::<f64>() / n;
-    [mean, (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt()]
-}
-
-/// Compares bytes and errors of recordings stored as grains: all grains, grains of fewer bits, grains merged from several correlations on, grains under several
-/// budgets, and random grains under the same budgets.
+/// Compares bytes and errors of recordings stored as grains: all grains, grains of fewer bits, grains merged from several correlations on,
+/// grains under several budgets, and random grains under the same budgets.
 ///
 /// Bytes are those of the files; the patterns have the grains of the walk and no others. Errors are those of the sounds of all recordings,
-/// channels averaged. The second recordings are the first ones after another coder. `stop` receives the share of the work that is done, and returns true to stop: then the result is `None`.
+/// channels averaged. `coded` are the same recordings after another coder, and its bytes. `stop` receives the share of the work that is done,
+/// and returns true to stop: then the result is `None`.
 ///
 /// # Source
 /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 5.1, where 94
 /// recordings take 20.1 % fewer bytes.
 #[must_use]
 pub fn compression_table(
-    [recordings, coded]: [&GrainRecordings; 2],
-    dictionary: &GrainDictionary,
-    patterns: &CorrelationPatterns,
+    recordings: &GrainRecordings,
+    coded: Option<(&GrainRecordings, u64)>,
+    stored: (&GrainDictionary, &CorrelationPatterns),
     rules: &CompressionRules,
     random: Random,
     stop: &dyn Fn(f64) -> bool,
 ) -> Option<ResultTable> {
-    let mut table = ResultTable::new(&[
-        "method",
-        "setting",
-        "grains",
-        "grain_bytes",
-        "pattern_bytes",
-        "share_of_recordings",
-        "segmental_snr_db",
-        "log_spectral_distance_db",
-        "snr_deviation_db",
-        "distance_deviation_db",
-    ]);
+    let (dictionary, patterns) = stored;
     let originals: Vec<Vec<f32>> = recordings.recordings.iter().map(GrainRecording::mono).collect();
     let names: Vec<&str> = recordings.recordings.iter().map(|r| r.name.as_str()).collect();
-    let samples = |r: &GrainRecording| r.len() * r.parts.first().map_or(1, |part| part.channels.len());
-    let whole = 2 * recordings.recordings.iter().map(samples).sum::<usize>();
-    let share = |bytes: [usize; 2]| (bytes[0] + bytes[1]) as f64 / whole.max(1) as f64;
-    table.push(
-        ["recordings".into(), Cell::Empty, Cell::Empty, whole.into(), 0_usize.into(), 1.0.into()]
-            .into_iter()
-            .chain([const { Cell::Empty }; 4]),
-    );
-    let row =
-        |method: &str, setting: Option<f64>, p: &Point, figures: [f64; 2], deviations: [Option<f64>; 2]| {
-            let [ratio, distance] = figures;
-            let [of_ratio, of_distance] = deviations;
-            [
-                method.into(),
-                setting.into(),
-                p.grains.into(),
-                p.bytes[0].into(),
-                p.bytes[1].into(),
-                share(p.bytes).into(),
-                ratio.into(),
-                distance.into(),
-                of_ratio.into(),
-                of_distance.into(),
-            ]
-        };
-    let figures = |p: &Point| [p.error.segmental_ratio(), p.error.log_spectral_distance()];
-    let steps =
-        (2 + rules.bits.len() + rules.merge.len() + rules.shares.len() * (1 + rules.random_sets)) as f64;
-    let mut done = 0.0;
-    let mut curves: Vec<(&str, Vec<[f64; 3]>)> = Vec::new();
-    let mut advance = || {
-        done += 1.0;
-        (!stop(done / steps)).then_some(())
+    let steps = 2 + rules.bits.len() + rules.merge.len() + rules.shares.len() * (1 + rules.random_sets);
+    let done = std::cell::Cell::new(0);
+    let watch = |part: f64| stop((f64::from(done.get()) + part) / steps as f64);
+    let advance = || {
+        done.set(done.get() + 1);
+        (!watch(0.0)).then_some(())
     };
-    let mut add = |method: &'static str, p: &Point, [ratio, distance]: [f64; 2]| {
-        let point = [share(p.bytes), ratio, distance];
-        match curves.iter_mut().find(|(name, _)| *name == method) {
-            Some((_, points)) => points.push(point),
-            None => curves.push((method, vec![point])),
-        }
-    };
-    if let Some(bytes) = rules.coded_bytes {
+    let mut curves = Curves::new(recordings);
+    if let Some((coded, bytes)) = coded {
         let mut error = Distortion::default();
         for (x, other) in originals.iter().zip(&coded.recordings) {
             error.add(x, &other.mono(), recordings.rate);
         }
-        let point = Point { grains: 0, bytes: [bytes as usize, 0], error };
-        table.push(row("other coder", None, &point, figures(&point), [None; 2]));
-        add("other coder", &point, figures(&point));
+        let bytes = [bytes as usize, 0];
+        let point = Point { grains: None, bytes, figures: figures(error), deviations: [None; 2] };
+        curves.add("other coder", None, &point);
     }
-    let sequences = walked(patterns, dictionary);
-    let all =
-        measure(&originals, &names, &Reduced { dictionary: dictionary.clone(), patterns: sequences.clone() });
-    table.push(row("all grains", None, &all, figures(&all), [None; 2]));
-    add("all grains", &all, figures(&all));
+    let all = Reduced { dictionary: dictionary.clone(), patterns: walked(patterns, dictionary) };
+    curves.add("all grains", None, &measure(&originals, &names, &all));
     advance()?;
     for bits in &rules.bits {
-        let mut coarse = Reduced { dictionary: dictionary.clone(), patterns: sequences.clone() };
+        let mut coarse = all.clone();
         coarse.dictionary.quantise(*bits as u16);
-        let point = measure(&originals, &names, &coarse);
-        table.push(row("fewer bits", Some(f64::from(*bits)), &point, figures(&point), [None; 2]));
-        add("fewer bits", &point, figures(&point));
+        curves.add("fewer bits", Some(f64::from(*bits)), &measure(&originals, &names, &coarse));
         advance()?;
     }
-    let (norms, pairs) = (norms(dictionary), similar_pairs(dictionary, rules.neighbours, &|_| stop(0.0))?);
+    let (norms, pairs) = (norms(dictionary), similar_pairs(dictionary, rules.neighbours, &watch)?);
     advance()?;
     for merge in &rules.merge {
         let found = substitutes(&norms, &pairs, patterns, *merge);
-        let point = measure(&originals, &names, &merged(dictionary, &sequences, &found, rules.margin));
-        table.push(row("merged", Some(*merge), &point, figures(&point), [None; 2]));
-        add("merged", &point, figures(&point));
+        let less = merged(dictionary, &all.patterns, &found, rules.margin);
+        curves.add("merged", Some(*merge), &measure(&originals, &names, &less));
         advance()?;
     }
     for (k, part) in rules.shares.iter().enumerate() {
@@ -215,9 +237,7 @@ pub fn compression_table(
             measure(&originals, &names, &Reduced { patterns, ..left })
         };
         let retained = retained_grains(dictionary, patterns, &|_| true, budget, rules.margin);
-        let point = measure_of(&retained);
-        table.push(row("subset", Some(*part), &point, figures(&point), [None; 2]));
-        add("subset", &point, figures(&point));
+        curves.add("subset", Some(*part), &measure_of(&retained));
         advance()?;
         let mut sets: Vec<Point> = Vec::with_capacity(rules.random_sets);
         for set in 0..rules.random_sets {
@@ -225,28 +245,14 @@ pub fn compression_table(
             sets.push(measure_of(&random_grains(dictionary, budget, rules.margin, uniform)));
             advance()?;
         }
-        let of = |k: usize| mean_and_deviation(&sets.iter().map(|p| figures(p)[k]).collect::<Vec<_>>());
-        if let Some(first) = sets.first() {
-            let [[ratio, of_ratio], [distance, of_distance]] = [of(0), of(1)];
-            let deviations = [Some(of_ratio), Some(of_distance)];
-            table.push(row("random", Some(*part), first, [ratio, distance], deviations));
-            add("random", first, [ratio, distance]);
+        let of = |k: usize| mean_and_deviation(&sets.iter().map(|p| p.figures[k]).collect::<Vec<_>>());
+        let ([ratio, of_ratio], [distance, of_distance]) = (of(0), of(1));
+        if let (Some(first), Some(ratio), Some(distance)) = (sets.first(), ratio, distance) {
+            let mean = Point { figures: [ratio, distance], deviations: [of_ratio, of_distance], ..*first };
+            curves.add("random", Some(*part), &mean);
         }
     }
-    for (title, k) in [("segmental signal-to-noise ratio, dB", 1), ("log-spectral distance, dB", 2)] {
-        let line = |(name, points): &(&str, Vec<[f64; 3]>)| {
-            let points: Vec<[f64; 2]> = points.iter().map(|p| [p[0], p[k]]).collect();
-            if points.len() > 1 { Line::new(*name, points) } else { Line::dots(*name, points) }
-        };
-        let lines = curves.iter().map(line).collect();
-        table.charts.push(Chart::of(
-            title,
-            ("share of the bytes of the recordings", false),
-            (title, false),
-            lines,
-        ));
-    }
-    Some(table)
+    Some(curves.finish())
 }
 
 #[cfg(test)]

@@ -18,10 +18,10 @@ use crate::{params, ports};
 params! {
     /// Compares the bytes of recordings that are stored as grains with the errors of their sound.
     ///
-    /// The rows are all grains, grains of fewer bits, grains merged from several correlations on as by `GrainCluster`, and grains under several budgets as by
-    /// `GrainSubset`, with the mean of random grains under the same budgets. Bytes are those of the files of grains and of patterns, which
-    /// have the grains of the walk only. Errors are the segmental signal-to-noise ratio, of frames of 20 ms between -10 and 35 dB, and the
-    /// log-spectral distance.
+    /// The rows are all grains, grains of fewer bits, grains merged from several correlations on as by `GrainCluster`, and grains under several
+    /// budgets as by `GrainSubset`, with the mean of random grains under the same budgets. Bytes are those of the files of grains and of
+    /// patterns, which have the grains of the walk only. Errors are the segmental signal-to-noise ratio, of frames of 20 ms between -10 and
+    /// 35 dB, and the log-spectral distance.
     ///
     /// # Randomness
     /// The random grains.
@@ -72,6 +72,7 @@ impl Func for GrainCompression {
     type Params = GrainCompressionParams;
     type Ports = GrainCompressionPorts;
     const NAME: &'static str = "GrainCompression";
+    const VERSION: u32 = 2;
 
     fn eval(
         p: &GrainCompressionParams,
@@ -95,7 +96,6 @@ impl Func for GrainCompression {
                 .at("coded")
                 .help("both need the same files, in the same order"));
         }
-        let coded = io.coded.map(|coded| (coded, p.coded_bytes));
         let rules = CompressionRules {
             bits: p.bits.clone(),
             merge: p.merge.clone(),
@@ -103,17 +103,11 @@ impl Func for GrainCompression {
             random_sets: p.random_sets,
             neighbours: p.neighbours,
             margin: (p.margin * dictionary.rate).round() as usize,
-            coded_bytes: coded.map(|c| c.1),
         };
         let monitor = |share| (cx.monitor)(share);
-        let table = compression_table(
-            [recordings, coded.map_or(recordings, |c| c.0)],
-            dictionary,
-            patterns,
-            &rules,
-            cx.random,
-            &monitor,
-        );
+        let coded = io.coded.map(|coded| (coded, p.coded_bytes));
+        let stored = (dictionary, patterns);
+        let table = compression_table(recordings, coded, stored, &rules, cx.random, &monitor);
         let table = table.ok_or_else(Fault::stopped)?;
         let summary = vec![("rows", table.rows.len().into())];
         io.table.set(table);

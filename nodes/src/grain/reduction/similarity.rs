@@ -3,6 +3,7 @@
 use crate::core::time::Rate;
 use crate::feature::{FeatureConventions, MelCepstrum};
 use crate::grain::dictionary::{Grain, GrainDictionary};
+use crate::material::statistics::squared;
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -98,16 +99,11 @@ pub(crate) fn grain_features(dictionary: &GrainDictionary, grains: &[usize]) -> 
 /// Pairs of each point and its `count` nearest ones of similar length. The points are sorted by length.
 fn neighbours(points: &[[f64; DIMS]], lengths: &[usize], count: usize) -> Vec<[usize; 2]> {
     let of_point = |i: usize| -> Vec<[usize; 2]> {
-        let fits = |j: &usize| {
-            *j != i && {
-                let (short, long) = (lengths[i].min(lengths[*j]), lengths[i].max(lengths[*j]));
-                long as f64 <= LENGTH_RATIO * short as f64
-            }
-        };
         let first = lengths.partition_point(|len| (*len as f64) * LENGTH_RATIO < lengths[i] as f64);
         let last = lengths.partition_point(|len| *len as f64 <= LENGTH_RATIO * lengths[i] as f64);
-        let distance = |j: usize| points[i].iter().zip(&points[j]).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
-        let mut near: Vec<(f64, usize)> = (first..last).filter(fits).map(|j| (distance(j), j)).collect();
+        let distance = |j: usize| squared(&points[i], &points[j]);
+        let mut near: Vec<(f64, usize)> =
+            (first..last).filter(|j| *j != i).map(|j| (distance(j), j)).collect();
         let by_distance = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
         if near.len() > count {
             near.select_nth_unstable_by(count, by_distance);

@@ -2,7 +2,7 @@
 
 use super::clusters::{Reduced, renumbered};
 use crate::grain::correlation::{CorrelationPatterns, Pattern, Peak};
-use crate::grain::dictionary::{BYTES_PER_GRAIN, GrainDictionary, needed};
+use crate::grain::dictionary::GrainDictionary;
 use crate::grain::synthesis::{GapRule, walk};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -72,11 +72,7 @@ struct Bytes<'a> {
 
 impl<'a> Bytes<'a> {
     fn new(dictionary: &'a GrainDictionary, margin: usize) -> Self {
-        let mut of_run: Vec<Vec<usize>> = vec![Vec::new(); dictionary.runs.len()];
-        for (k, grain) in dictionary.grains.iter().enumerate() {
-            of_run[grain.run as usize].push(k);
-        }
-        of_run.iter_mut().for_each(|all| all.sort_by_key(|k| dictionary.grains[*k].position));
+        let of_run = dictionary.grains_of_runs();
         let of_runs = vec![0; of_run.len()];
         Self { dictionary, margin, of_run, of_runs }
     }
@@ -84,12 +80,8 @@ impl<'a> Bytes<'a> {
     /// Bytes of a run if one more grain is retained.
     fn with(&self, retained: &[bool], grain: usize) -> usize {
         let index = self.dictionary.grains[grain].run as usize;
-        let all = self.of_run[index].iter().filter(|k| retained[**k] || **k == grain);
-        let count = all.clone().count();
-        let run = self.dictionary.runs[index];
-        let ranges = needed(all.map(|k| &self.dictionary.grains[*k]), self.margin, run.frames as usize);
-        let samples: usize = ranges.iter().map(ExactSizeIterator::len).sum();
-        samples * usize::from(run.channels) * self.dictionary.sample_bytes() + BYTES_PER_GRAIN * count
+        let all = self.of_run[index].iter().copied().filter(|k| retained[*k] || *k == grain);
+        self.dictionary.bytes_of(index, all, self.margin)
     }
 
     /// Bytes that a grain adds.
@@ -176,19 +168,18 @@ pub fn reduced(
     margin: usize,
 ) -> Reduced {
     let index = renumbered(retained);
-    let smaller = dictionary.subset(retained, margin);
-    let rewritten = |pattern: &Pattern| {
+    Reduced::new(dictionary.subset(retained, margin), patterns, |_, pattern| {
         let peak = |peak: &Peak| Some(Peak { grain: (*index.get(peak.grain as usize)?)?, ..*peak });
-        let mut new = Pattern { peaks: pattern.peaks.iter().filter_map(peak).collect(), ..pattern.clone() };
-        new.sort();
-        new
+        pattern.peaks.iter().filter_map(peak).collect()
+    })
+}
+
+/// Bytes of the grains for which `retained` is true.
+pub(super) fn retained_bytes(dictionary: &GrainDictionary, retained: &[bool], margin: usize) -> usize {
+    let of_run = |(run, all): (usize, Vec<usize>)| {
+        dictionary.bytes_of(run, all.into_iter().filter(|k| retained[*k]), margin)
     };
-    let patterns = CorrelationPatterns {
-        dictionary: smaller.id(),
-        patterns: patterns.patterns.iter().map(rewritten).collect(),
-        ..*patterns
-    };
-    Reduced { dictionary: smaller, patterns }
+    dictionary.grains_of_runs().into_iter().enumerate().map(of_run).sum()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::cut_stream::CutStream;
 use super::flux::FluxFrames;
-use super::segments::{CutKind, SegmentRules};
+use super::segments::{CutKind, SegmentRules, check_lengths};
 use super::spectral_flux::mono;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -24,9 +24,9 @@ params! {
     /// the flux is steepest. The start and the end are cuts too.
     ///
     /// The output lags the flux by 2.6 times `longest` less `shortest`, and by six hops and four times `smoothing`: 0.21 s with the
-    /// defaults. Within this look-ahead the cuts are those that `GrainDictionary` finds in the recording as a whole. They differ where segments shorter than `shortest`
-    /// follow each other for more than half of `longest`, where no inflection follows within twice `longest`, as in silence, which is then cut
-    /// after each `longest`, and in the middle of a flat flux. The report counts the first two cases.
+    /// defaults. Within this look-ahead the cuts are those that `GrainDictionary` finds in the recording as a whole. They differ where segments
+    /// shorter than `shortest` follow each other for more than half of `longest`, where no inflection follows within twice `longest`, as in
+    /// silence, which is then cut after each `longest`, and in the middle of a flat flux. The report counts the first two cases.
     ///
     /// Onsets are rising inflections. Those of `GrainDictionary` follow from the loudest band of the recording as a whole and are more reliable.
     ///
@@ -95,14 +95,7 @@ impl FluxSegmenterParams {
             kind: self.kind,
             ..SegmentRules::at_rate(rate.as_f64())
         };
-        if self.longest < 2.0 * self.shortest {
-            let message = format!(
-                "`longest` is {} s, less than twice `shortest`, which is {} s",
-                self.longest, self.shortest
-            );
-            let help = "a segment that is too long is cut into two that are not too short";
-            return Err(Reject::new("F150", message).at("longest").help(help));
-        }
+        check_lengths(self.shortest, self.longest)?;
         Ok((rules, rate))
     }
 }

@@ -3,6 +3,7 @@
 use super::flux::{FluxFrames, reflected, spectral_flux};
 use super::onset_strength::{ONSET_RISE, onsets};
 use crate::choices;
+use crate::core::fault::Reject;
 use serde::{Deserialize, Serialize};
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -64,6 +65,19 @@ impl SegmentRules {
             onset_rise: ONSET_RISE,
         }
     }
+}
+
+/// Checks that a segment longer than `longest` can be cut into two that are not shorter than `shortest`, both in seconds.
+///
+/// # Errors
+/// F150 at `longest`.
+pub(in crate::grain) fn check_lengths(shortest: f64, longest: f64) -> Result<(), Reject> {
+    if longest >= 2.0 * shortest {
+        return Ok(());
+    }
+    let message = format!("`longest` is {longest} s, less than twice `shortest`, which is {shortest} s");
+    let help = "what is too long is cut into two that are not too short";
+    Err(Reject::new("F150", message).at("longest").help(help))
 }
 
 /// An inflection point of the smoothed flux.

@@ -109,8 +109,8 @@ struct SlotState {
 
 /// Adds the sinusoids of tracks, frame by frame.
 ///
-/// A track fades in and out over one hop, and so do the parts of it above 0.45 times the sample rate. At a ratio of 1 phases are cubic and reach those
-/// that were measured. Other ratios multiply the frequencies: from then on the phase of a track is the integral of its frequency, which is
+/// A track fades in and out over one hop, and so do the parts of it above 0.45 times the sample rate. At a ratio of 1 phases are cubic and
+/// reach those that were measured. Other ratios multiply the frequencies: from then on the phase of a track is the integral of its frequency, which is
 /// linear within a hop.
 ///
 /// A track that begins around an attack is silent before it and rises within 2 ms: the window would spread it half a window ahead.

@@ -1,9 +1,9 @@
 //! Patterns that are drawn from models.
 
-use super::model::{PatternModel, envelope_at, normal_share};
+use super::model::{PatternModel, envelope_at};
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::synthesis::GrainStep;
-use crate::material::statistics::normal::normal_quantile;
+use crate::material::statistics::normal::{normal_quantile, normal_share};
 use crate::material::statistics::quantile;
 use serde::{Deserialize, Serialize};
 
@@ -36,8 +36,6 @@ pub struct GeneratedGrain {
     pub step: GrainStep,
     /// Its cluster.
     pub cluster: usize,
-    /// Its level before `gain`, dB.
-    pub level: f64,
     /// Its level relative to the mean of its cluster, dB.
     pub residual: f64,
     /// Samples to the next grain, before `density`.
@@ -134,7 +132,7 @@ impl Generator {
         self.cluster = Some(cluster as u32);
         self.recent.rotate_right(1);
         self.recent[0] = Some(grain);
-        GeneratedGrain { step, cluster, level, residual, interval }
+        GeneratedGrain { step, cluster, residual, interval }
     }
 }
 

@@ -7,10 +7,9 @@ use crate::grain::correlation::{CorrelationPatterns, Pattern};
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::reduction::grain_features;
 use crate::grain::synthesis::{GapRule, GrainStep, walk};
-use crate::material::statistics::normal::normal_quantile;
+use crate::material::statistics::normal::{normal_share, standard_normal};
 use crate::material::statistics::{Points, k_means, quantile};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::FRAC_1_SQRT_2;
 use thiserror::Error;
 
 /// Points of the envelope.
@@ -33,13 +32,14 @@ pub struct PatternModel {
     pub cluster_levels: Vec<f64>,
     /// Level of a grain relative to that, dB: quantiles, rising.
     pub levels: Vec<f64>,
-    /// Correlation of the levels of successive grains.
+    /// Correlation of the levels of successive grains, relative to the envelope, in the patterns.
     pub correlation: f64,
-    /// Correlation of successive normal variables that gives the levels this correlation.
+    /// Correlation of successive normal variables that, with the chain of clusters, gives the levels this correlation, or at most one of 0.9
+    /// within the clusters.
     pub persistence: f64,
     /// Grains of the patterns in each cluster.
     pub clusters: Vec<Vec<u32>>,
-    /// Probability of each cluster as that of the first grain.
+    /// Share of each cluster in the grains of the patterns: its probability as the first one.
     pub first: Vec<f64>,
     /// Probability of each cluster after each cluster, `[clusters, clusters]`.
     pub transitions: Vec<f64>,
@@ -67,12 +67,6 @@ pub enum ModelError {
         /// The number found.
         found: usize,
     },
-    /// A field that does not fit to the others, or is not finite.
-    #[error("`{field}` of the model of patterns is damaged")]
-    Damaged {
-        /// Name of the field.
-        field: &'static str,
-    },
 }
 
 /// Fewest grains of a model.
@@ -85,11 +79,6 @@ fn quantiles(mut values: Vec<f64>) -> Vec<f64> {
         return values;
     }
     (0..QUANTILES).map(|k| quantile(&values, k as f64 / (QUANTILES - 1) as f64)).collect()
-}
-
-/// Share of the standard normal distribution below `z`.
-pub(super) fn normal_share(z: f64) -> f64 {
-    0.5 * libm::erfc(-z * FRAC_1_SQRT_2)
 }
 
 /// Correlation of successive values.
@@ -110,8 +99,7 @@ pub fn lag_correlation(series: &[&[f64]]) -> f64 {
 pub(super) fn persistence(levels: &[f64], wanted: f64) -> f64 {
     // Pairs of independent normal variables, the same for all trials.
     let mut rng = Rng::new(7);
-    let pairs: Vec<[f64; 2]> =
-        (0..20_000).map(|_| [(); 2].map(|()| normal_quantile(rng.between(1e-9, 1.0 - 1e-9)))).collect();
+    let pairs: Vec<[f64; 2]> = (0..20_000).map(|_| [(); 2].map(|()| standard_normal(&mut rng))).collect();
     let level = |z: f64| quantile(levels, normal_share(z));
     let correlation = |phi: f64| -> f64 {
         let rest = (1.0 - phi * phi).max(0.0).sqrt();
@@ -128,6 +116,29 @@ pub(super) fn persistence(levels: &[f64], wanted: f64) -> f64 {
         if correlation(middle) < wanted { low = middle } else { high = middle }
     }
     0.5 * (low + high)
+}
+
+/// Greatest correlation of successive levels within clusters: slower changes would be those of one recording, and last for many.
+const SLOWEST: f64 = 0.9;
+/// Rounds in which the shares of clusters settle.
+const CHAIN_ROUNDS: usize = 64;
+
+/// Variance of the levels of the clusters of a chain, and covariance of successive ones.
+fn chain_moments(first: &[f64], transitions: &[f64], levels: &[f64]) -> [f64; 2] {
+    let n = first.len().max(1);
+    let mut shares = first.to_vec();
+    for _ in 0..CHAIN_ROUNDS {
+        let mut next = vec![0.0; n];
+        for (share, row) in shares.iter().zip(transitions.chunks(n)) {
+            next.iter_mut().zip(row).for_each(|(next, p)| *next += share * p);
+        }
+        shares = next;
+    }
+    let mean: f64 = shares.iter().zip(levels).map(|(p, x)| p * x).sum();
+    let variance = shares.iter().zip(levels).map(|(p, x)| p * (x - mean).powi(2)).sum();
+    let expected = |row: &[f64]| row.iter().zip(levels).map(|(p, x)| p * (x - mean)).sum::<f64>();
+    let rows = shares.iter().zip(levels).zip(transitions.chunks(n));
+    [variance, rows.map(|((p, x), row)| p * (x - mean) * expected(row)).sum()]
 }
 
 /// Power of a step.
@@ -180,9 +191,8 @@ pub fn envelope_at(envelope: &[f64], share: f64) -> f64 {
 /// Fits a model to the walks through patterns.
 ///
 /// The distributions of intervals and levels are those of the patterns. Levels are relative to the mean envelope of the recordings and to
-/// the mean of their cluster, so that loud and soft clusters alternate as they do in the recordings. The
-/// grains of the dictionary are divided into `clusters` by their spectra; clusters follow each other as in the patterns, with `smoothing`
-/// added to each count.
+/// the mean of their cluster, so that loud and soft clusters alternate as they do in the recordings. The grains of the dictionary are divided
+/// into `clusters` by their spectra; clusters follow each other as in the patterns, with `smoothing` added to each count.
 ///
 /// # Errors
 /// Too few grains.
@@ -217,8 +227,8 @@ pub fn fit(
     let points = grain_features(dictionary, &every);
     let dims = points.first().map_or(1, |p| p.len());
     let points = Points { dims, at: points.into_iter().flatten().collect() };
-    let (_, of) = k_means(&points, clusters.max(1));
-    let n = clusters.clamp(1, dictionary.len().max(1));
+    let (centres, of) = k_means(&points, clusters);
+    let n = centres.len();
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); n];
     let mut counts = vec![0.0; n * n];
     let mut first = vec![0.0; n];
@@ -231,12 +241,13 @@ pub fn fit(
         }
     }
     let cluster_levels: Vec<f64> = sums.iter().map(|[sum, count]| sum / count.max(1.0)).collect();
-    let series: Vec<Vec<f64>> = walks
-        .iter()
-        .map(|(p, steps)| steps.iter().map(|s| level(p, s) - cluster_levels[cluster(s)]).collect())
-        .collect();
-    let correlation = lag_correlation(&series.iter().map(Vec::as_slice).collect::<Vec<_>>());
-    let levels = quantiles(series.into_iter().flatten().collect());
+    let totals: Vec<Vec<f64>> =
+        walks.iter().map(|(p, steps)| steps.iter().map(|s| level(p, s)).collect()).collect();
+    let correlation = lag_correlation(&totals.iter().map(Vec::as_slice).collect::<Vec<_>>());
+    let of_walk = |((_, steps), levels): (&(&Pattern, Vec<GrainStep>), &Vec<f64>)| -> Vec<f64> {
+        steps.iter().zip(levels).map(|(s, level)| level - cluster_levels[cluster(s)]).collect()
+    };
+    let levels = quantiles(walks.iter().zip(&totals).flat_map(of_walk).collect());
     for (_, steps) in &walks {
         let clusters: Vec<usize> = steps.iter().map(cluster).collect();
         clusters.windows(2).for_each(|w| counts[w[0] * n + w[1]] += 1.0);
@@ -264,70 +275,41 @@ pub fn fit(
         smoothed.iter().zip(&used).map(share).collect()
     };
     let total: f64 = first.iter().sum();
+    let first: Vec<f64> = first.iter().map(|x| x / total.max(1.0)).collect();
+    let transitions: Vec<f64> = counts.chunks(n).flat_map(normalised).collect();
+    let [of_clusters, successive] = chain_moments(&first, &transitions, &cluster_levels);
+    let mean = levels.iter().sum::<f64>() / levels.len().max(1) as f64;
+    let residual = levels.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / levels.len().max(1) as f64;
+    // What the chain of clusters does not explain of the correlation.
+    let wanted = (correlation * (of_clusters + residual) - successive) / residual.max(f64::MIN_POSITIVE);
+    let wanted = wanted.clamp(-SLOWEST, SLOWEST);
     Ok(PatternModel {
         rate: dictionary.rate,
         dictionary: dictionary.id(),
         count: walks.iter().map(|(_, steps)| steps.len() as u64).sum(),
         intervals: quantiles(intervals),
-        persistence: persistence(&levels, correlation),
+        persistence: persistence(&levels, wanted),
         correlation,
         cluster_levels,
         levels,
         clusters: members,
-        first: first.iter().map(|x| x / total.max(1.0)).collect(),
-        transitions: counts.chunks(n).flat_map(normalised).collect(),
+        first,
+        transitions,
         envelope,
     })
 }
 
 impl PatternModel {
-    /// Checks that the model is valid and belongs to a dictionary.
+    /// Checks that the model belongs to a dictionary.
     ///
     /// # Errors
-    /// The first thing found.
-    pub fn validate(&self, dictionary: &GrainDictionary) -> Result<(), ModelError> {
-        let n = self.clusters.len();
-        let rises = |x: &[f64]| !x.is_empty() && x.iter().all(|x| x.is_finite()) && x.is_sorted();
-        let is_chance = |x: &[f64]| x.iter().all(|x| (0.0..=1.0).contains(x));
-        let enters_empty =
-            |row: &[f64]| row.iter().zip(&self.clusters).any(|(p, c)| *p > 0.0 && c.is_empty());
-        let damaged = |field| Err(ModelError::Damaged { field });
-        if !rises(&self.intervals) || self.intervals[0] < 1.0 {
-            return damaged("intervals");
-        }
-        if !rises(&self.levels) {
-            return damaged("levels");
-        }
-        if self.cluster_levels.len() != n || !self.cluster_levels.iter().all(|x| x.is_finite()) {
-            return damaged("cluster_levels");
-        }
-        if !(self.persistence.abs() <= 1.0 && self.correlation.abs() <= 1.0) {
-            return damaged("persistence");
-        }
-        if n == 0 || self.first.len() != n || !is_chance(&self.first) || enters_empty(&self.first) {
-            return damaged("first");
-        }
-        let rows = self.transitions.chunks(n);
-        if self.transitions.len() != n * n
-            || !is_chance(&self.transitions)
-            || rows.into_iter().any(enters_empty)
-        {
-            return damaged("transitions");
-        }
-        if self.envelope.len() != ENVELOPE || !self.envelope.iter().all(|x| x.is_finite() && *x > 0.0) {
-            return damaged("envelope");
-        }
-        if !(self.rate.is_finite() && self.rate >= 1.0) {
-            return damaged("rate");
-        }
+    /// When it is of another one.
+    pub fn check_dictionary(&self, dictionary: &GrainDictionary) -> Result<(), ModelError> {
         let found = dictionary.id();
-        if found != self.dictionary {
-            return Err(ModelError::Dictionary { found, wanted: self.dictionary.clone() });
+        if found == self.dictionary {
+            return Ok(());
         }
-        if self.clusters.iter().flatten().any(|grain| *grain as usize >= dictionary.len()) {
-            return damaged("clusters");
-        }
-        Ok(())
+        Err(ModelError::Dictionary { found, wanted: self.dictionary.clone() })
     }
 
     /// Figures for the summary of a run.

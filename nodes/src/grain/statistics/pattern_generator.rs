@@ -63,6 +63,7 @@ impl Func for PatternGenerator {
     type Params = PatternGeneratorParams;
     type Ports = PatternGeneratorPorts;
     const NAME: &'static str = "PatternGenerator";
+    const VERSION: u32 = 2;
 
     fn eval(
         p: &PatternGeneratorParams,
@@ -72,7 +73,7 @@ impl Func for PatternGenerator {
         let (model, dictionary) = (io.model, io.dictionary);
         let second = io.second.unwrap_or(model);
         for (port, model) in [("model", model), ("second", second)] {
-            model.validate(dictionary).map_err(|e| Fault::new("F151", e.to_string()).at(port))?;
+            model.check_dictionary(dictionary).map_err(|e| Fault::new("F151", e.to_string()).at(port))?;
         }
         if model.clusters.len() != second.clusters.len() {
             let message =

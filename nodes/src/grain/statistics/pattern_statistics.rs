@@ -71,6 +71,7 @@ impl Func for PatternStatistics {
     type Params = PatternStatisticsParams;
     type Ports = PatternStatisticsPorts;
     const NAME: &'static str = "PatternStatistics";
+    const VERSION: u32 = 2;
 
     fn eval(
         p: &PatternStatisticsParams,

@@ -13,7 +13,7 @@ use crate::core::shape::Build;
 use crate::grain::correlation::{CorrelationPatterns, Pattern};
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::GrainRecordings;
-use crate::grain::{Component, Distortion, GrainRecording};
+use crate::grain::{Component, Distortion, GrainRecording, Peak};
 use crate::plot::{Chart, Line};
 use crate::table::ResultTable;
 use crate::{params, ports};
@@ -102,8 +102,14 @@ fn charts(name: &str, rate: f64, seconds: f64, all: &[Walked<'_>], sounds: [&[f3
         let point = |t: i64, c: f32| [t as f64 / rate, f64::from(c)];
         let played = |step: &&GrainStep| step.t < limit as i64;
         let correlation = |step: &GrainStep| {
-            let same = |p: &&crate::grain::Peak| p.grain == step.grain && i64::from(p.t) == step.t;
-            walked.pattern.peaks.iter().find(same).map_or(0.0, |p| p.correlation)
+            let peaks = &walked.pattern.peaks;
+            let at = peaks.partition_point(|p| i64::from(p.t) < step.t);
+            let same = |p: &&Peak| p.grain == step.grain;
+            peaks[at..]
+                .iter()
+                .take_while(|p| i64::from(p.t) == step.t)
+                .find(same)
+                .map_or(0.0, |p| p.correlation)
         };
         let lines = vec![
             Line::dots("peaks", peaks.map(|p| point(p.t.into(), p.correlation)).collect()),
@@ -148,11 +154,7 @@ impl Func for PatternReport {
                 .map(|pattern| Walked { pattern, steps: walk(pattern, dictionary, GapRule::Extend) })
                 .collect();
             let original = recording.mono();
-            let mut played = vec![0.0_f32; original.len()];
-            for walked in &all {
-                let part = sound_of(dictionary, &walked.steps, original.len());
-                played.iter_mut().zip(part).for_each(|(sum, x)| *sum += x);
-            }
+            let played = sound_of(dictionary, all.iter().map(|walked| &walked.steps), original.len());
             let mut error = Distortion::default();
             error.add(&original, &played, dictionary.rate);
             total = total.with(error);

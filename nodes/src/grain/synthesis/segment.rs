@@ -221,7 +221,7 @@ pub fn join(dictionary: &GrainDictionary, before: &mut GrainSegment, after: &mut
     }
 }
 
-/// Normalised correlation of two segments in a range of frames, 0 to 1; 0 where one of them is played at another speed.
+/// Normalised correlation of the first channels of two segments in a range of frames, 0 to 1; 0 where one of them is played at another speed.
 fn correlation_of(
     dictionary: &GrainDictionary,
     before: &GrainSegment,
@@ -280,11 +280,18 @@ pub fn segments(dictionary: &GrainDictionary, steps: &[GrainStep]) -> Vec<GrainS
     all
 }
 
-/// The sound of grains in order of time, joined, with all channels averaged.
-#[must_use]
-pub fn sound_of(dictionary: &GrainDictionary, steps: &[GrainStep], frames: usize) -> Vec<f32> {
+/// The sound of walks, each of grains in order of time, joined, with all channels averaged.
+pub fn sound_of(
+    dictionary: &GrainDictionary,
+    walks: impl IntoIterator<Item = impl AsRef<[GrainStep]>>,
+    frames: usize,
+) -> Vec<f32> {
     let mut out = vec![0.0; frames];
-    segments(dictionary, steps).iter().for_each(|segment| segment.add(dictionary, 0, 1, &mut out));
+    for steps in walks {
+        segments(dictionary, steps.as_ref())
+            .iter()
+            .for_each(|segment| segment.add(dictionary, 0, 1, &mut out));
+    }
     out
 }
 

@@ -27,6 +27,12 @@ pub fn normal_quantile(p: f64) -> f64 {
     if p < 0.5 { -x } else { x }
 }
 
+/// The share of the standard normal distribution that lies below `z`.
+#[must_use]
+pub fn normal_share(z: f64) -> f64 {
+    0.5 * libm::erfc(-z * FRAC_1_SQRT_2)
+}
+
 /// A standard normal variable.
 pub fn standard_normal(rng: &mut Rng) -> f64 {
     normal_quantile(rng.between(1e-12, 1.0))

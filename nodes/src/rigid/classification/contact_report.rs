@@ -8,9 +8,10 @@ use crate::core::time::{Tick, seconds};
 use crate::modal::Impact;
 use crate::plot::{Chart, Line};
 use crate::rigid::item::{ContactState, State};
-use crate::table::ResultTable;
+use crate::table::{Cell, ResultTable};
 use crate::{archive_state, params, ports};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Largest number of rows.
 const MAX_ROWS: usize = 100_000;
@@ -46,7 +47,6 @@ ports! {
 /// A time that a contact remains in one state.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Span {
-    contact: u64,
     bodies: [u32; 2],
     state: State,
     begin: Tick,
@@ -69,8 +69,8 @@ struct Point {
 /// What the report is made of.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct ContactRecord {
-    /// States that last.
-    open: Vec<Span>,
+    /// States that last, by contact.
+    open: BTreeMap<u64, Span>,
     ended: Vec<Span>,
     impacts: Vec<(Tick, u32, f32, f32)>,
     points: Vec<Point>,
@@ -122,9 +122,7 @@ impl ContactRecord {
             }
         }
         self.frames += 1;
-        let at = self.open.iter().position(|span| span.contact == frame.contact);
         let fresh = Span {
-            contact: frame.contact,
             bodies: frame.bodies,
             state: event.state,
             begin: tick,
@@ -132,34 +130,36 @@ impl ContactRecord {
             sums: [0.0; 3],
             frames: 0.0,
         };
-        let at = match at {
-            Some(k) if self.open[k].state == event.state && !frame.begins => k,
-            Some(k) => {
-                let ended = std::mem::replace(&mut self.open[k], fresh);
-                self.end(ended);
-                k
+        let goes_on = |span: &Span| span.state == event.state && !frame.begins;
+        match self.open.get(&frame.contact) {
+            Some(span) if goes_on(span) => {}
+            None if self.open.len() >= MAX_ROWS => {
+                self.left_out += 1;
+                return;
             }
-            None => {
-                self.open.push(fresh);
-                self.open.len() - 1
+            _ => {
+                if let Some(ended) = self.open.insert(frame.contact, fresh) {
+                    self.end(ended);
+                }
             }
-        };
-        let span = &mut self.open[at];
+        }
+        let Some(span) = self.open.get_mut(&frame.contact) else { return };
         span.end = tick + frame.interval;
         span.frames += 1.0;
         for (sum, x) in span.sums.iter_mut().zip([event.power.into(), speed, frame.force.into()]) {
             *sum += x;
         }
-        if frame.ends {
-            let ended = self.open.swap_remove(at);
+        if frame.ends
+            && let Some(ended) = self.open.remove(&frame.contact)
+        {
             self.end(ended);
         }
     }
 
     fn table(mut self) -> ResultTable {
         let open = std::mem::take(&mut self.open);
-        open.into_iter().for_each(|span| self.end(span));
-        self.ended.sort_by_key(|span| (span.begin, span.contact));
+        open.into_values().for_each(|span| self.end(span));
+        self.ended.sort_by_key(|span| (span.begin, span.bodies));
         let mut table = ResultTable::new(&[
             "what",
             "begin_s",
@@ -183,8 +183,8 @@ impl ContactRecord {
                 power.into(),
                 speed.into(),
                 force.into(),
-                crate::table::Cell::Empty,
-                crate::table::Cell::Empty,
+                Cell::Empty,
+                Cell::Empty,
             ]);
         }
         for (tick, object, impulse, energy) in &self.impacts {
@@ -192,11 +192,11 @@ impl ContactRecord {
                 "impact".into(),
                 seconds(*tick).into(),
                 0.0.into(),
-                crate::table::Cell::Empty,
+                Cell::Empty,
                 (*object as usize).into(),
-                crate::table::Cell::Empty,
-                crate::table::Cell::Empty,
-                crate::table::Cell::Empty,
+                Cell::Empty,
+                Cell::Empty,
+                Cell::Empty,
                 f64::from(*impulse).into(),
                 f64::from(*energy).into(),
             ]);
@@ -308,7 +308,7 @@ mod tests {
         let table = record.table();
         let texts: Vec<String> = table.rows.iter().map(|row| row[0].text()).collect();
         assert_eq!(texts, ["sliding", "rolling", "static", "sliding", "impact"]);
-        let numbers: Vec<String> = table.rows[0].iter().map(crate::table::Cell::text).collect();
+        let numbers: Vec<String> = table.rows[0].iter().map(Cell::text).collect();
         assert_eq!(numbers[1..8], ["0", "0.0200000", "0", numbers[4].as_str(), "2", "0.200000", "10"]);
         assert_eq!(table.charts.len(), 4);
     }

@@ -19,12 +19,9 @@ fn fewer_bytes_have_greater_errors_and_a_budget_is_spent_better_than_at_random()
         random_sets: 8,
         neighbours: 32,
         margin: 220,
-        coded_bytes: Some(1000),
     };
-    let of = |random| {
-        compression_table([&recordings, &recordings], &dictionary, &patterns, &rules, random, &|_| false)
-            .unwrap()
-    };
+    let (coded, stored) = (Some((&recordings, 1000)), (&dictionary, &patterns));
+    let of = |random| compression_table(&recordings, coded, stored, &rules, random, &|_| false).unwrap();
     let table = of(Random::new(3, "table"));
     let rows = |method: &str| -> Vec<Vec<Option<f64>>> {
         let of_method = table.rows.iter().filter(|row| row[0] == Cell::from(method));
@@ -51,15 +48,5 @@ fn fewer_bytes_have_greater_errors_and_a_budget_is_spent_better_than_at_random()
     assert!(at(&subset, 6) > at(&random, 6) + 2.0 * at(&random, 8), "{subset:?} {random:?}");
     assert_eq!(table.charts.len(), 2);
     assert_eq!(of(Random::new(3, "table")).rows, table.rows);
-    assert!(
-        compression_table(
-            [&recordings, &recordings],
-            &dictionary,
-            &patterns,
-            &rules,
-            Random::new(3, "x"),
-            &|_| true
-        )
-        .is_none()
-    );
+    assert!(compression_table(&recordings, coded, stored, &rules, Random::new(3, "x"), &|_| true).is_none());
 }

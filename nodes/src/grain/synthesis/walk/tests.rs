@@ -52,7 +52,7 @@ fn a_recording_of_the_dictionary_comes_back() {
         let own: Vec<(u32, i64)> =
             dictionary.grains.iter().zip(0..).map(|(g, k)| (k, g.window_start() as i64)).collect();
         assert_eq!(steps.iter().map(|s| (s.grain, s.t)).collect::<Vec<_>>(), own);
-        let y = sound_of(&dictionary, &steps, x.len());
+        let y = sound_of(&dictionary, [&steps], x.len());
         // Gains are stored in steps of 1/256 dB; the ends are tapered.
         let inner = 100..x.len() - 100;
         let found = snr(&x[inner.clone()], &y[inner]);
@@ -65,7 +65,7 @@ fn the_walk_leaves_few_gaps_with_few_peaks() {
     let x = knocks(40_000, 2);
     let (dictionary, patterns) = all_of(vec![x.clone(), knocks(30_000, 3)], 16, Retention::PerInterval(4));
     let steps = walk(&patterns.patterns[0], &dictionary, GapRule::Extend);
-    let y = sound_of(&dictionary, &steps, x.len());
+    let y = sound_of(&dictionary, [&steps], x.len());
     let silent = y.chunks(64).filter(|part| part.iter().all(|y| *y == 0.0)).count();
     assert!(silent * 50 <= y.len() / 64, "{silent}");
     // A recording of half the level has the same grains at half their gains.
