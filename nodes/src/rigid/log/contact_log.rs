@@ -123,7 +123,7 @@ impl Node for ContactLog {
     type Params = ContactLogParams;
     type Ports = ContactLogPorts;
     const NAME: &'static str = "ContactLog";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &ContactLogParams, s: &mut Shape<'_, '_, ContactLogPorts>) -> Result<(), Reject> {

@@ -49,6 +49,17 @@ struct Observation {
     motion: [Motion; 2],
     /// Largest distance between its points, m.
     extent: f64,
+    /// True if the speed of approach follows from the poses, and not from the log.
+    is_derived: bool,
+}
+
+/// The begin of a contact.
+#[derive(Clone, Copy, Debug)]
+struct Begin {
+    /// Time from it to the end of the frame, s.
+    age: f64,
+    /// Speed of approach, m/s.
+    approach: f64,
 }
 
 /// A contact that continues from frame to frame.
@@ -77,6 +88,10 @@ struct Track {
     material: [Vec3; 2],
     /// Chords of the contact point on a and on b.
     circulation: [Circulation; 2],
+    /// Contact point and outward normal in the frames of a and b.
+    local: [[Vec3; 2]; 2],
+    /// True if the point moved over a curved surface in the latest frame.
+    is_on_curve: bool,
 }
 
 /// Converts rows to contacts, frame by frame.
@@ -118,10 +133,14 @@ impl<'a> ContactTracker<'a> {
         if let Some(impulse) = row.friction_impulse {
             row.friction = friction_against(velocity, row.normal, impulse / step);
         }
-        if row.approach.is_none() && poses.iter().any(Option::is_some) {
-            // Speed of approach in the previous frame: an engine logs the velocity after the impact.
-            let before = tick - self.step;
-            let [a, b] = [0, 1].map(|k| pose(k, before).unwrap_or_default().velocity_at(row.point));
+        let is_derived = row.approach.is_none() && poses.iter().any(Option::is_some);
+        if is_derived {
+            // Speed of approach in the previous frame: an engine logs the velocity after the impact. The point is where it is on the bodies now.
+            let before = |k: usize| pose(k, tick - self.step).unwrap_or_default();
+            let [a, b] = [0, 1].map(|k| {
+                let position = poses[k].unwrap_or_default().position;
+                Motion { position, ..before(k) }.velocity_at(row.point)
+            });
             row.approach = Some((-dot(sub(b, a), row.normal)).max(0.0));
         }
         let mut motion = poses.map(Option::unwrap_or_default);
@@ -129,7 +148,7 @@ impl<'a> ContactTracker<'a> {
             // A body of unknown pose does not rotate.
             motion[1].velocity = add(material[0], velocity);
         }
-        Observation { row, force, velocity, motion, extent: 0.0 }
+        Observation { row, force, velocity, motion, extent: 0.0, is_derived }
     }
 
     /// Joins points that belong to one contact.
@@ -240,13 +259,15 @@ impl<'a> ContactTracker<'a> {
             travel: None,
             material: new.motion.map(|motion| motion.velocity_at(new.row.point)),
             circulation: [Circulation::default(); 2],
+            local: [[[0.0; 3]; 2]; 2],
+            is_on_curve: false,
         };
         track.observe_chords(new, 0.0);
         self.next_id += 1;
         let mut frame = self.contact_frame(&track, new, self.step);
-        let approach = row_approach(new);
-        if let Some(age) = self.age(new, tick, approach) {
-            frame.depth = Some((approach * age) as f32);
+        if let Some(begin) = self.begin(new, tick) {
+            frame.depth = Some((begin.approach * begin.age) as f32);
+            frame.approach = frame.approach.map(|_| begin.approach as f32);
             track.has_age = true;
         }
         track.frame_index = self.frames.len();
@@ -259,9 +280,15 @@ impl<'a> ContactTracker<'a> {
         let gap = tick - track.last_tick;
         let missing = (gap as f64 / self.step as f64).round().clamp(1.0, MAX_MISSING) as i64 - 1;
         let step = gap / (missing + 1);
+        let last_material = track.material;
         track.advance(new, seconds(gap), self.params.jump);
         track.last_tick = tick;
-        let frame = self.contact_frame(&track, new, step);
+        let mut frame = self.contact_frame(&track, new, step);
+        if new.is_derived && track.is_on_curve {
+            // A point of a rim that rolls descends before it is the contact: the speed is that of the contact of the previous frame.
+            let before = sub(last_material[1], last_material[0]);
+            frame.approach = Some((-dot(before, new.row.normal)).max(0.0) as f32);
+        }
         // The force is 0 in missing frames, and the contact moves evenly: at rest it would jump after them.
         if let Some((at, old)) = self.frames.get(track.frame_index).copied() {
             for n in 1..=missing {
@@ -314,42 +341,64 @@ impl<'a> ContactTracker<'a> {
         }
     }
 
-    /// Time since a contact that begins in this frame began, s, from the centres of the bodies at both ends of the frame; `None`
-    /// unless the poses have rows there, if the depth is more accurate, or if the speeds of the centres hardly change.
+    /// When and how fast the bodies met, for a contact that begins in this frame, from the centres of the bodies at both ends of the frame;
+    /// `None` unless the poses have rows there, if the depth is more accurate, or if the speeds of the centres hardly change.
     ///
-    /// Until the contact the distance of the centres changes at the speed before the frame and its acceleration, after it at the
-    /// speed at the end of the frame.
-    fn age(&self, new: &Observation, tick: Tick, approach: f64) -> Option<f64> {
+    /// Until the contact the distance of the centres changes at the speed before the frame and the acceleration of free motion, after it at
+    /// the speed at the end of the frame. That acceleration is what the mean force of the frame leaves of the change of speed, or that of the
+    /// frame before where the log has forces of instants.
+    fn begin(&self, new: &Observation, tick: Tick) -> Option<Begin> {
         /// Largest acceleration of free motion, m/s^2.
         const MAX_ACCELERATION: f64 = 30.0;
+        /// Smallest change of speed, m/s.
+        const MIN_JUMP: f64 = 1e-3;
         if !new.row.bodies.iter().any(|body| self.poses.has(*body)) {
             return None;
         }
-        let step = seconds(self.step);
+        let (step, normal) = (seconds(self.step), new.row.normal);
+        let approach = row_approach(new);
+        let motion = |k: usize, tick: Tick| {
+            let body = new.row.bodies[k];
+            if self.poses.has(body) { self.poses.row_at(body, tick) } else { Some(Motion::default()) }
+        };
         let along = |tick: Tick| -> Option<[f64; 2]> {
-            let relative = |k: usize| {
-                let body = new.row.bodies[k];
-                let row = self.poses.row_at(body, tick).map(|m| (m.position, m.velocity));
-                if self.poses.has(body) { row } else { Some(([0.0; 3], [0.0; 3])) }
-            };
-            let ((x, v), (y, w)) = (relative(0)?, relative(1)?);
-            Some([dot(sub(y, x), new.row.normal), dot(sub(w, v), new.row.normal)])
+            let (a, b) = (motion(0, tick)?, motion(1, tick)?);
+            Some([dot(sub(b.position, a.position), normal), dot(sub(b.velocity, a.velocity), normal)])
         };
         let ([x0, v0], [x1, v1]) = (along(tick - self.step)?, along(tick)?);
-        let earlier = along(tick - 2 * self.step);
-        let acceleration = earlier.map_or(0.0, |[_, v]| (v0 - v) / step);
-        let acceleration = if acceleration.abs() <= MAX_ACCELERATION { acceleration } else { 0.0 };
+        let is_free = |a: &f64| a.abs() <= MAX_ACCELERATION;
+        let mass = new.row.mass.or_else(|| self.mass(new.row.bodies));
+        let from_force = mass.map(|mass| (v1 - v0) / step - new.force / mass);
+        let earlier = || along(tick - 2 * self.step).map(|[_, v]| (v0 - v) / step).filter(is_free);
+        let acceleration = from_force.filter(is_free).or_else(earlier).unwrap_or(0.0);
+        // The speed of approach at a time since the previous frame, where the bodies are then.
+        let approach_at = |since: f64| {
+            if !new.is_derived {
+                return Some(approach);
+            }
+            let velocity = |k: usize| {
+                let before = motion(k, tick - self.step)?;
+                let position = add(before.position, scale(before.velocity, since));
+                Some(Motion { position, ..before }.velocity_at(new.row.point))
+            };
+            let relative = sub(velocity(1)?, velocity(0)?);
+            Some((-dot(relative, normal) - acceleration * since).max(0.0))
+        };
         let [on_a, on_b] = new.motion.map(|motion| motion.velocity_at(new.row.point));
-        if approach > 0.0 && dot(sub(on_b, on_a), new.row.normal) < -0.5 * approach {
+        if approach > 0.0 && dot(sub(on_b, on_a), normal) < -0.5 * approach {
             // The bodies have hardly slowed down: the contact began at the end of the frame.
-            return new.row.depth.is_none().then_some(0.0);
+            let begin = Begin { age: 0.0, approach: approach_at(step)? };
+            return new.row.depth.is_none().then_some(begin);
         }
         let jump = v1 - v0 - acceleration * step;
-        if jump < 0.5 * approach || approach <= 0.0 {
+        if jump < MIN_JUMP {
             return None;
         }
         let before = (v1 * step - 0.5 * acceleration * step * step - (x1 - x0)) / jump;
-        Some((step - before).clamp(0.0, step))
+        let before = before.clamp(0.0, step);
+        let begin = Begin { age: step - before, approach: approach_at(before)? };
+        // Bodies that rebound change their speed by more than that at which they met.
+        (begin.approach > 0.0 && jump >= 0.5 * begin.approach).then_some(begin)
     }
 
     /// Effective mass of a pair: `1 / (1/m1 + 1/m2)`.
@@ -406,6 +455,23 @@ fn centroid(group: &[Observation]) -> Option<Observation> {
     Some(Observation { row, force, velocity: mean(&|m| m.velocity), extent: 2.0 * extent, ..*first })
 }
 
+/// Largest radius of curvature of a surface that is no face, m.
+const MAX_RADIUS: f64 = 5.0;
+/// Smallest cosine of the angle between the changes of point and normal on a curved surface.
+const MIN_CURVE_COSINE: f64 = 0.7;
+/// Smallest rate of the normal on it, rad/s: below it a face trembles.
+const MIN_CURVE_RATE: f64 = 0.5;
+
+/// Returns true if a contact point moved over a curved surface within a frame: it moves with its outward normal, as on a rim, however far. On a
+/// face it jumps from corner to corner under one normal.
+fn follows_curve([point_0, normal_0]: [Vec3; 2], [point, normal]: [Vec3; 2], time: f64) -> bool {
+    let (dp, dn) = (sub(point, point_0), sub(normal, normal_0));
+    let (moved, turned) = (norm(dp), norm(dn));
+    moved < MAX_RADIUS * turned
+        && dot(dp, dn) >= MIN_CURVE_COSINE * moved * turned
+        && turned > MIN_CURVE_RATE * time
+}
+
 impl Track {
     /// Moves the contact to a new observation.
     ///
@@ -422,9 +488,12 @@ impl Track {
             self.extent *= (-time / SMOOTHING).exp();
             return;
         }
-        let body_velocity = if norm(material[0]) > norm(material[1]) { material[0] } else { material[1] };
+        // Velocities are means over the frame: that of the point, and those of the material.
+        let mean = [0, 1].map(|k| scale(add(material[k], last_material[k]), 0.5));
+        let body_velocity = if norm(mean[0]) > norm(mean[1]) { mean[0] } else { mean[1] };
         let jumped = norm(sub(new.row.point, add(self.point, scale(body_velocity, time))));
-        let jumped = if jumped > jump + 2.0 * norm(new.velocity) * time { jumped } else { 0.0 };
+        let jumps = jumped > jump + 2.0 * norm(new.velocity) * time && !self.is_on_curve;
+        let jumped = if jumps { jumped } else { 0.0 };
         let observed_extent = new.extent.max(jumped);
         if observed_extent >= 0.7 * self.extent {
             self.extent_age = 0.0;
@@ -439,8 +508,7 @@ impl Track {
         let velocity = scale(sub(pulled(self.extent), self.anchor), 1.0 / time);
         let part = 1.0 - (-time / SMOOTHING).exp();
         let over = |k: usize| {
-            // The velocity of the point is a mean over the frame, and so is that of the material.
-            let travel = sub(velocity, scale(add(material[k], last_material[k]), 0.5));
+            let travel = sub(velocity, mean[k]);
             sub(travel, scale(new.row.normal, dot(travel, new.row.normal)))
         };
         self.travel = Some(match self.travel {
@@ -449,7 +517,7 @@ impl Track {
         });
         // A contact without recent jumps is not a face: its extent decays, which moves the anchor but is no travel.
         self.extent_age += time;
-        if self.extent_age > EXTENT_HOLD {
+        if self.extent_age > EXTENT_HOLD || (self.is_on_curve && new.extent == 0.0) {
             self.extent *= (-time / SMOOTHING).exp();
         }
         let anchor = pulled(self.extent);
@@ -461,11 +529,14 @@ impl Track {
     /// Adds the chords since the previous frame.
     fn observe_chords(&mut self, new: &Observation, time: f64) {
         let local = new.motion.map(|motion| motion.to_local(new.row.point));
+        self.is_on_curve = false;
         for k in [0, 1] {
             let rate = norm(self.turn(new, k, time));
             let outward = scale(new.row.normal, if k == 0 { 1.0 } else { -1.0 });
             let normal = rotate_back(new.motion[k].rotation, outward);
             self.circulation[k].observe([local[k], normal, local[1 - k]], rate, time);
+            let old = std::mem::replace(&mut self.local[k], [local[k], normal]);
+            self.is_on_curve |= time > 0.0 && follows_curve(old, self.local[k], time);
         }
     }
 
@@ -486,5 +557,29 @@ impl Track {
         let side = if radius[1].is_some() { 1 } else { 0 };
         let along = |v: Vec3| sub(v, scale(new.row.normal, dot(v, new.row.normal)));
         Some(travel(side, radius[side]?, along(self.turn(new, side, time)), along(new.velocity)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rim_is_followed_however_far_and_a_face_is_not() {
+        // Contact point and outward normal of a disc of radius 0.1 m at a tilt of 20 degrees.
+        let tilt = 20f64.to_radians();
+        let rim = |angle: f64| -> [Vec3; 2] {
+            let (sin, cos) = angle.sin_cos();
+            [[0.1 * cos, 0.1 * sin, 0.0], [tilt.sin() * cos, tilt.sin() * sin, -tilt.cos()]]
+        };
+        for angle in [0.1, 1.0, 3.0, 6.0] {
+            assert!(follows_curve(rim(0.0), rim(angle), 1.0 / 60.0), "{angle}");
+        }
+        // A box whose point jumps from corner to corner while it trembles, and one that tips over an edge.
+        let down = [0.0, 0.0, -1.0];
+        assert!(!follows_curve([[0.1, 0.1, 0.0], down], [[-0.1, 0.1, 0.0], [1e-3, 0.0, -1.0]], 1.0 / 60.0));
+        let tipped = [0.05, 0.0, -1.0];
+        assert!(!follows_curve([[0.1, 0.1, 0.0], down], [[0.1, -0.1, 0.0], tipped], 1.0 / 60.0));
+        assert!(!follows_curve([[0.1, 0.1, 0.0], down], [[0.1, 0.1, 0.0], down], 1.0 / 60.0));
     }
 }

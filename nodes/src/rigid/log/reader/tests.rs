@@ -171,6 +171,54 @@ fn poses_give_positions_on_bodies_velocities_and_approach() {
     assert_eq!((frame.approach, frame.mass), (Some(2.0), Some(0.4)));
 }
 
+const POSES: &str = "time,body,px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n";
+const FORCES: &str = "time,a,b,px,py,pz,nx,ny,nz,force\n";
+
+#[test]
+fn a_bounce_has_the_speed_and_the_time_of_its_contact_at_any_rate() {
+    // A ball that spins falls on the ground at 0.412 s and rebounds.
+    let (radius, contact, fall, rebound, along, spin) = (0.1, 0.412, 3.0, 1.8, 4.0, 60.0);
+    for rate in [60.0, 240.0] {
+        let (mut poses, mut rows) = (POSES.to_owned(), FORCES.to_owned());
+        for k in 0..(0.6 * rate) as u32 {
+            let t = f64::from(k) / rate;
+            let since = t - contact;
+            let [z, v] = if since < 0.0 {
+                [-fall * since - 4.905 * since * since, -fall - 9.81 * since]
+            } else {
+                [rebound * since - 4.905 * since * since, rebound - 9.81 * since]
+            };
+            let spin = if since < 0.0 { spin } else { 0.3 * spin };
+            poses += &format!("{t},1,{},0,{},1,0,0,0,{along},0,{v},0,{spin},0\n", along * t, z + radius);
+            if (0.0..1.0 / rate).contains(&since) {
+                // The mean force of the frame, without gravity.
+                let force = 0.4 * (fall + rebound) * rate;
+                rows += &format!("{t},0,1,{},0,0,0,0,1,{force}\n", along * t);
+            }
+        }
+        let options = LogOptions { masses: vec![0.0, 0.4], rate: Some(rate), ..LogOptions::default() };
+        let track = read_contacts(rows.as_bytes(), Some(poses.as_bytes()), &options).unwrap();
+        let (tick, frame) = track.frames[0];
+        let approach = f64::from(frame.approach.unwrap());
+        assert!((approach / fall - 1.0).abs() < 0.01, "{rate}: {approach}");
+        let begin = seconds(tick) - f64::from(frame.depth.unwrap()) / approach;
+        assert!((begin - contact).abs() < 2e-4, "{rate}: {begin}");
+    }
+}
+
+#[test]
+fn a_ball_that_rolls_never_approaches() {
+    let (mut poses, mut rows) = (POSES.to_owned(), FORCES.to_owned());
+    for k in 0..60 {
+        let t = f64::from(k) / 60.0;
+        poses += &format!("{t},1,{},0,0.1,1,0,0,0,3,0,0,0,30,0\n", 3.0 * t);
+        rows += &format!("{t},0,1,{},0,0,0,0,1,4\n", 3.0 * t);
+    }
+    let options = LogOptions { masses: vec![0.0, 0.4], ..LogOptions::default() };
+    let track = read_contacts(rows.as_bytes(), Some(poses.as_bytes()), &options).unwrap();
+    assert!(track.frames.iter().all(|(_, frame)| frame.approach.is_some_and(|v| v < 1e-3)));
+}
+
 #[test]
 fn a_byte_order_mark_is_skipped() {
     let json = r#"{"time_s": 0.1, "a": "w", "b": "x", "point": [0,0,0], "normal": [0,0,1], "force": 1, "velocity": [0,0,0]}"#;
