@@ -36,13 +36,16 @@ use crate::grain::recording::grain_recordings::GrainRecordingsNode;
 use crate::grain::reduction::grain_cluster::GrainCluster;
 use crate::grain::reduction::grain_compression::GrainCompression;
 use crate::grain::reduction::grain_subset::GrainSubset;
+use crate::grain::reduction::variation_report::VariationReport;
 use crate::grain::segmentation::flux_segmenter::FluxSegmenter;
 use crate::grain::segmentation::spectral_flux::SpectralFlux;
 use crate::grain::sinusoid::additive_resynth::AdditiveResynth;
 use crate::grain::sinusoid::partial_tracks::PartialTracks;
 use crate::grain::sinusoid::sine_peaks::SinePeaks;
 use crate::grain::sinusoid::transient_residual::TransientResidual;
+use crate::grain::statistics::grain_texture::GrainTexture;
 use crate::grain::statistics::pattern_generator::PatternGenerator;
+use crate::grain::statistics::pattern_model_file::PatternModelFile;
 use crate::grain::statistics::pattern_statistics::PatternStatistics;
 use crate::grain::synthesis::grain_retarget::GrainRetarget;
 use crate::grain::synthesis::pattern_report::PatternReport;
@@ -338,6 +341,9 @@ impl Registry {
             .with_func::<PatternVariation>()
             .with_func::<PatternStatistics>()
             .with_func::<PatternGenerator>()
+            .with_func::<PatternModelFile>()
+            .with_func::<VariationReport>()
+            .with::<GrainTexture>()
             .family("feature")
             .with::<Mfcc>()
             .with::<TemporalGaussian>()

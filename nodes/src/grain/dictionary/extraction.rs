@@ -37,6 +37,8 @@ pub struct ExtractRules {
     pub margin: usize,
     /// Bits of the samples, each grain scaled to its own peak; 0 for 32-bit floats.
     pub bits: u16,
+    /// Samples within which a cut moves to a zero crossing.
+    pub snap: usize,
 }
 
 impl ExtractRules {
@@ -51,6 +53,7 @@ impl ExtractRules {
             discard: [-50.0, -70.0],
             margin: (0.005 * rate).round() as usize,
             bits: 16,
+            snap: 0,
         }
     }
 }
@@ -138,10 +141,24 @@ fn grains_of(mono: &[f32], source: u32, segments: &Segments, rate: f64, rules: &
     segments.cuts.windows(2).enumerate().map(segment).collect()
 }
 
+/// Moves each inner cut to the nearest zero crossing within `reach` samples, the earlier of two; cuts remain in order.
+fn snap_to_zero_crossings(x: &[f32], cuts: &mut [usize], reach: usize) {
+    let crosses = |t: usize| t > 0 && t < x.len() && (x[t - 1] < 0.0) != (x[t] < 0.0);
+    for k in 1..cuts.len().saturating_sub(1) {
+        let cut = cuts[k];
+        let is_between = |t: &usize| *t > cuts[k - 1] && *t < cuts[k + 1];
+        let near = (0..=reach).flat_map(|d| [cut.checked_sub(d), cut.checked_add(d)]).flatten();
+        if let Some(t) = near.filter(is_between).find(|t| crosses(*t)) {
+            cuts[k] = t;
+        }
+    }
+}
+
 /// Cuts and grains of one component of a recording.
 fn extract_part(recording: usize, part: &Part, source: u32, rate: f64, rules: &ExtractRules) -> Extracted {
     let mono = part.mono();
-    let segments = segment(&mono, &rules.segments);
+    let mut segments = segment(&mono, &rules.segments);
+    snap_to_zero_crossings(&mono, &mut segments.cuts, rules.snap);
     let all = grains_of(&mono, source, &segments, rate, rules);
     let loudest = all.iter().map(|g| f64::from(g.power)).fold(0.0, f64::max);
     let limit = (loudest * 10f64.powf(rules.discard[0] / 10.0)).max(10f64.powf(rules.discard[1] / 10.0));

@@ -44,6 +44,8 @@ params! {
         cuts: CutKind = CutKind::Both;
         /// Rise of the onset strength over its mean that makes an onset.
         onset_rise: f64 = 0.4, unit "", range 0.0..=10.0;
+        /// Time within which a cut moves to the nearest zero crossing; 0 leaves it.
+        snap_zero: f64 = 0.0, unit "s", range 0.0..=0.01;
         /// Share of both tapers in a grain.
         taper: f64 = 0.02, unit "", range 0.0..=0.5;
         /// Shape of the tapers.
@@ -101,6 +103,7 @@ impl GrainDictionaryParams {
             discard: self.discard,
             margin: samples(self.margin),
             bits: self.bits.map_or(0, |bits| bits as u16),
+            snap: samples(self.snap_zero),
         }
     }
 }

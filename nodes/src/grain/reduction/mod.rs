@@ -9,6 +9,8 @@ mod similarity;
 mod subset;
 #[cfg(test)]
 mod testing;
+mod variation;
+pub mod variation_report;
 
 pub use clusters::{Reduced, Substitute, merged, substitutes};
 pub use compression::{CompressionRules, compression_table};

@@ -76,6 +76,12 @@ impl Generator {
         self.time
     }
 
+    /// Number of grains so far.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.index
+    }
+
     /// Draws the next grain; `random` returns uniform variables of an index and a lane.
     ///
     /// # Complexity

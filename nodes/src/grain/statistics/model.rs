@@ -67,6 +67,20 @@ pub enum ModelError {
         /// The number found.
         found: usize,
     },
+    /// Another version of the file.
+    #[error("the model of patterns has version {found}; this reads version {wanted}: make it again")]
+    Version {
+        /// The version found.
+        found: u32,
+        /// The version that is read.
+        wanted: u32,
+    },
+    /// A field that does not fit to the others, or is not finite.
+    #[error("`{field}` of the model of patterns is damaged")]
+    Damaged {
+        /// Name of the field.
+        field: &'static str,
+    },
 }
 
 /// Fewest grains of a model.
@@ -300,16 +314,53 @@ pub fn fit(
 }
 
 impl PatternModel {
+    /// Checks that the fields fit to each other.
+    ///
+    /// # Errors
+    /// The first field that does not.
+    pub fn validate(&self) -> Result<(), ModelError> {
+        let n = self.clusters.len();
+        let rises = |x: &[f64]| !x.is_empty() && x.iter().all(|x| x.is_finite()) && x.is_sorted();
+        let enters_empty =
+            |row: &[f64]| row.iter().zip(&self.clusters).any(|(p, c)| *p > 0.0 && c.is_empty());
+        let are_chances = |x: &[f64]| x.iter().all(|x| (0.0..=1.0).contains(x)) && !enters_empty(x);
+        let checks = [
+            ("rate", self.rate.is_finite() && self.rate >= 1.0),
+            ("intervals", rises(&self.intervals) && self.intervals[0] >= 1.0),
+            ("levels", rises(&self.levels)),
+            (
+                "cluster_levels",
+                self.cluster_levels.len() == n && self.cluster_levels.iter().all(|x| x.is_finite()),
+            ),
+            ("correlation", self.correlation.abs() <= 1.0),
+            ("persistence", self.persistence.abs() <= 1.0),
+            ("first", n > 0 && self.first.len() == n && are_chances(&self.first)),
+            (
+                "transitions",
+                self.transitions.len() == n * n && self.transitions.chunks(n.max(1)).all(are_chances),
+            ),
+            (
+                "envelope",
+                self.envelope.len() == ENVELOPE && self.envelope.iter().all(|x| x.is_finite() && *x >= 0.0),
+            ),
+        ];
+        let damaged = checks.into_iter().find(|(_, holds)| !holds);
+        damaged.map_or(Ok(()), |(field, _)| Err(ModelError::Damaged { field }))
+    }
+
     /// Checks that the model belongs to a dictionary.
     ///
     /// # Errors
-    /// When it is of another one.
+    /// When it is of another one, or names grains that it does not have.
     pub fn check_dictionary(&self, dictionary: &GrainDictionary) -> Result<(), ModelError> {
         let found = dictionary.id();
-        if found == self.dictionary {
-            return Ok(());
+        if found != self.dictionary {
+            return Err(ModelError::Dictionary { found, wanted: self.dictionary.clone() });
         }
-        Err(ModelError::Dictionary { found, wanted: self.dictionary.clone() })
+        if self.clusters.iter().flatten().any(|grain| *grain as usize >= dictionary.len()) {
+            return Err(ModelError::Damaged { field: "clusters" });
+        }
+        Ok(())
     }
 
     /// Figures for the summary of a run.
@@ -327,6 +378,11 @@ impl PatternModel {
 
 impl Data for PatternModel {
     const NAME: &'static str = "model of patterns";
+    const FILES: bool = true;
+
+    fn file(&self) -> Option<Vec<u8>> {
+        self.to_bytes().ok()
+    }
 
     fn trial(rng: &mut Rng) -> Self {
         let dictionary = crate::grain::trial_dictionary();

@@ -55,6 +55,27 @@ ports! {
     }
 }
 
+/// Checks that models belong to a dictionary, and can be mixed.
+///
+/// # Errors
+/// The first thing found, at its port.
+pub(super) fn check_models(
+    model: &PatternModel,
+    second: Option<&PatternModel>,
+    dictionary: &GrainDictionary,
+) -> Result<(), Fault> {
+    for (port, model) in [("model", Some(model)), ("second", second)] {
+        let checked = model.map_or(Ok(()), |model| model.check_dictionary(dictionary));
+        checked.map_err(|e| Fault::new("F151", e.to_string()).at(port))?;
+    }
+    let Some(second) = second.filter(|second| second.clusters.len() != model.clusters.len()) else {
+        return Ok(());
+    };
+    let message = format!("the models have {} and {} clusters", model.clusters.len(), second.clusters.len());
+    let help = "give both PatternStatistics the same `clusters`";
+    Err(Fault::new("F151", message).at("second").help(help))
+}
+
 /// The node over [`generated`].
 #[derive(Debug)]
 pub struct PatternGenerator;
@@ -71,16 +92,8 @@ impl Func for PatternGenerator {
         mut io: PatternGeneratorIo<'_>,
     ) -> Result<Summary, Fault> {
         let (model, dictionary) = (io.model, io.dictionary);
+        check_models(model, io.second, dictionary)?;
         let second = io.second.unwrap_or(model);
-        for (port, model) in [("model", model), ("second", second)] {
-            model.check_dictionary(dictionary).map_err(|e| Fault::new("F151", e.to_string()).at(port))?;
-        }
-        if model.clusters.len() != second.clusters.len() {
-            let message =
-                format!("the models have {} and {} clusters", model.clusters.len(), second.clusters.len());
-            let help = "give both PatternStatistics the same `clusters`";
-            return Err(Fault::new("F151", message).at("second").help(help));
-        }
         let rules =
             GeneratorRules { density: p.density, gain: 10f64.powf(p.loudness / 20.0), blend: p.blend };
         let frames = (p.seconds * dictionary.rate).round().max(1.0) as u64;

@@ -1,7 +1,8 @@
 //! Chains of grains: contact that lasts.
 
 use super::repertoire::ContactSound;
-use super::segment::{GrainSegment, GrainStep, join, single};
+use super::segment::{GrainSegment, GrainStep, single};
+use super::segment_queue::SegmentQueue;
 use crate::core::random::Random;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::Component;
@@ -65,6 +66,8 @@ pub struct ChainRules {
     pub gamma: f64,
     /// Speed of recordings without one of their own, m/s.
     pub speed: f64,
+    /// Greatest random shift of the frequency of a steady grain at a load of 1 N, octaves.
+    pub width: f64,
     /// Factors of the level of the steady and of the transient part.
     pub levels: [f32; 2],
 }
@@ -80,8 +83,9 @@ pub struct Chain {
     /// Index of its first sound and number of its sounds, all of one component.
     sounds: [u32; 2],
     level: Level,
-    /// Speed of the motion, m/s.
+    /// Speed of the motion, m/s, and normal force, N.
     speed: f64,
+    load: f64,
     /// Octaves by which the steady part is shifted, and the frame of the latest change.
     octaves: f64,
     changed: i64,
@@ -89,9 +93,7 @@ pub struct Chain {
     position: [u32; 2],
     recent: [u32; AVOIDED],
     picks: u64,
-    /// Segments: one that fades out, one that sounds, and the next.
-    segments: [GrainSegment; 3],
-    count: u32,
+    queue: SegmentQueue,
 }
 
 impl Chain {
@@ -101,11 +103,11 @@ impl Chain {
         Self { id, sounds, begun, recent: [u32::MAX; AVOIDED], ..Self::default() }
     }
 
-    /// Lets the level change to a value within a number of frames, for a motion at a speed.
-    pub fn set(&mut self, level: f64, speed: f64, now: i64, frames: i64) {
+    /// Lets the level change to a value within a number of frames, for a motion at a speed under a load.
+    pub fn set(&mut self, level: f64, [speed, load]: [f64; 2], now: i64, frames: i64) {
         self.level.set(level, now, frames);
         if level > 0.0 {
-            self.speed = speed;
+            (self.speed, self.load) = (speed, load);
         }
     }
 
@@ -116,8 +118,20 @@ impl Chain {
         to == 0.0 && now >= frames[1] && self.level.smooth < SILENT
     }
 
+    /// A random number of the next grain, in [0, 1).
+    fn uniform(&self, random: &Random, lane: u32) -> f64 {
+        random.uniform(self.id, (self.begun as u64) << 24 | self.picks, lane)
+    }
+
     /// Shift of the frequency of a sound, as a factor, from `now` on.
-    fn ratio(&mut self, sound: &ContactSound, rules: &ChainRules, rate: f64, now: i64) -> f64 {
+    fn ratio(
+        &mut self,
+        sound: &ContactSound,
+        rules: &ChainRules,
+        random: &Random,
+        rate: f64,
+        now: i64,
+    ) -> f64 {
         if sound.component != Component::Steady {
             return 1.0;
         }
@@ -130,15 +144,15 @@ impl Chain {
             self.octaves += (wanted - self.octaves).clamp(-most, most);
         }
         self.changed = now;
-        self.octaves.exp2()
+        let width = (rules.width * self.load.max(0.0)).min(1.0);
+        (self.octaves + width * (2.0 * self.uniform(random, 2) - 1.0)).exp2()
     }
 
     /// Chooses the grain after the last one; `now` is the frame at which it is chosen.
     fn choose(&mut self, sounds: &[ContactSound], rules: &ChainRules, random: &Random) -> (u32, u32, bool) {
         let of_chain = sounds.get(self.sounds[0] as usize..(self.sounds[0] + self.sounds[1]) as usize);
         let of_chain = of_chain.unwrap_or_default();
-        let index = (self.begun as u64) << 24 | self.picks;
-        let uniform = |lane| random.uniform(self.id, index, lane);
+        let uniform = |lane| self.uniform(random, lane);
         let [sound, step] = self.position;
         let steps = |k: u32| of_chain.get(k as usize).map_or(0, |s| s.steps.len() as u32);
         if self.picks > 0 && uniform(0) >= rules.jump && step + 1 < steps(sound) {
@@ -163,20 +177,20 @@ impl Chain {
         (0, 0, false)
     }
 
-    /// Adds the next segment.
-    fn extend(
+    /// The segment after the last one; `now` is the frame at which it is chosen.
+    fn next(
         &mut self,
         dictionary: &GrainDictionary,
         sounds: &[ContactSound],
         rules: &ChainRules,
         random: &Random,
+        last: Option<&GrainSegment>,
         now: i64,
-    ) {
+    ) -> Option<GrainSegment> {
         let (k, step, follows) = self.choose(sounds, rules, random);
-        let Some(sound) = sounds.get((self.sounds[0] + k) as usize) else { return };
-        let Some(next) = sound.steps.get(step as usize) else { return };
-        let ratio = self.ratio(sound, rules, dictionary.rate, now);
-        let last = (self.count as usize).checked_sub(1).map(|k| self.segments[k]);
+        let sound = sounds.get((self.sounds[0] + k) as usize)?;
+        let next = sound.steps.get(step as usize)?;
+        let ratio = self.ratio(sound, rules, random, dictionary.rate, now);
         let before = self.position;
         let t = match last {
             None => now,
@@ -195,30 +209,15 @@ impl Chain {
             Component::Steady => rules.levels[0],
             Component::Transient => rules.levels[1],
         };
-        let Some(mut segment) = single(dictionary, &GrainStep { t, gain: level * next.gain, ..*next }) else {
-            return;
-        };
+        let mut segment = single(dictionary, &GrainStep { t, gain: level * next.gain, ..*next })?;
         segment.ratio = ratio as f32;
         segment.len = ((f64::from(segment.len) / ratio).round() as u32).max(1);
         segment.fades.iter_mut().for_each(|fade| fade.len = (f64::from(fade.len) / ratio).round() as u32);
-        if let Some(k) = (self.count as usize).checked_sub(1) {
-            join(dictionary, &mut self.segments[k], &mut segment);
-            // Time goes on, whatever the join does.
-            if segment.start <= self.segments[k].start {
-                let late = self.segments[k].start + 1 - segment.start;
-                segment.start += late;
-            }
-        }
         self.position = [k, step];
         self.recent.rotate_right(1);
         self.recent[0] = next.grain;
         self.picks += 1;
-        if self.count as usize == self.segments.len() {
-            self.segments.rotate_left(1);
-            self.count -= 1;
-        }
-        self.segments[self.count as usize] = segment;
-        self.count += 1;
+        Some(segment)
     }
 
     /// Adds the frames from `first` on to the output. `scratch` has room for one frame of all channels a frame of the output.
@@ -236,30 +235,13 @@ impl Chain {
         out: &mut [f32],
     ) {
         let width = channels.max(1) as usize;
-        let end = first + (out.len() / width) as i64;
         let scratch = &mut scratch[..out.len()];
         scratch.fill(0.0);
-        let mut at = first;
-        while at < end {
-            if self.count == 0 {
-                self.extend(dictionary, sounds, rules, random, at);
-            }
-            // The next grain is chosen when the last one begins.
-            while let Some(last) = (self.count as usize).checked_sub(1).map(|k| self.segments[k].start)
-                && last <= at
-            {
-                let picks = self.picks;
-                self.extend(dictionary, sounds, rules, random, last.max(at));
-                if self.picks == picks {
-                    return;
-                }
-            }
-            let last = (self.count as usize).checked_sub(1).map_or(end, |k| self.segments[k].start);
-            let until = last.clamp(at + 1, end);
-            let part = &mut scratch[(at - first) as usize * width..(until - first) as usize * width];
-            self.segments[..self.count as usize].iter().for_each(|s| s.add(dictionary, at, width, part));
-            at = until;
-        }
+        let mut queue = self.queue;
+        queue.add(dictionary, [first, channels], scratch, |last, now| {
+            self.next(dictionary, sounds, rules, random, last, now)
+        });
+        self.queue = queue;
         let step = 1.0 - (-1.0 / (SMOOTHING * dictionary.rate)).exp();
         for (k, (out, x)) in out.chunks_exact_mut(width).zip(scratch.chunks_exact(width)).enumerate() {
             self.level.smooth += step * (self.level.at(first + k as i64) - self.level.smooth);

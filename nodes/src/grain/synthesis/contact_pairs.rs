@@ -18,9 +18,10 @@ pub const COMPONENTS: [Component; 3] = [Component::Whole, Component::Steady, Com
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Pair {
     bodies: [u32; 2],
-    /// For sliding and for rolling: sum of squared gains in the frames at `latest`, and sum of gains times speeds.
+    /// For sliding and for rolling: sum of squared gains in the frames at `latest`, of these times speeds, and of normal forces.
     power: [f64; KINDS],
     speed: [f64; KINDS],
+    load: [f64; KINDS],
     /// Time of the frames that are summed, and the time until the next.
     latest: Tick,
     interval: Tick,
@@ -104,7 +105,7 @@ impl ContactPairs {
                 if let Some(chain) = chain {
                     let release = (RELEASE * rate.as_f64()) as i64;
                     let frames = if level > 0.0 { frames } else { frames.max(release) };
-                    chain.set(level, speed, now, frames);
+                    chain.set(level, [speed, pair.load[kind]], now, frames);
                 }
             }
         }
@@ -112,7 +113,7 @@ impl ContactPairs {
 
     /// Adds a frame of a contact to its pair.
     pub fn take(&mut self, tick: Tick, state: &ContactState, rate: Rate) {
-        let numbers = [state.gain, state.slip, state.sliding, state.rolling];
+        let numbers = [state.gain, state.slip, state.sliding, state.rolling, state.frame.force];
         if !numbers.iter().all(|x| x.is_finite()) {
             self.not_finite += 1;
             return;
@@ -146,7 +147,8 @@ impl ContactPairs {
         if self.pairs[index].latest != tick {
             self.settle(index, rate);
             let pair = &mut self.pairs[index];
-            (pair.power, pair.speed, pair.latest) = ([0.0; KINDS], [0.0; KINDS], tick);
+            (pair.power, pair.speed, pair.load, pair.latest) =
+                ([0.0; KINDS], [0.0; KINDS], [0.0; KINDS], tick);
             (pair.interval, pair.is_set) = (state.frame.interval, false);
         }
         if is_silent {
@@ -156,6 +158,7 @@ impl ContactPairs {
         for (kind, speed) in [state.sliding, state.rolling].into_iter().enumerate() {
             pair.power[kind] += shares[kind] * gain;
             pair.speed[kind] += shares[kind] * gain * f64::from(speed);
+            pair.load[kind] += shares[kind] * f64::from(state.frame.force).max(0.0);
         }
         self.frames += 1;
     }

@@ -30,7 +30,8 @@ params! {
     /// recording has `variations`, whose grains are exchanged for similar ones, and no impact sounds like another. Sliding and rolling play
     /// chains of grains of continuous recordings, one after the other, whatever the rate of the physics, with a level that follows the
     /// power of the contact. The frequency of the steady part follows the speed; the transient part remains as it was recorded. All
-    /// contacts of two bodies are one chain.
+    /// contacts of two bodies are one chain. Rubbing at another speed may not change the spectrum, while a load widens its peaks: `gamma: 0`
+    /// with `width_by_load` follows that.
     ///
     /// Triggers play impacts without physics. Tags without recordings are replaced by the nearest, with a warning.
     ///
@@ -67,6 +68,8 @@ params! {
         speed_ref: f64 = 0.5, unit "m/s", range 0.000001..=1000.0;
         /// Exponent of the speed in the frequency of the steady part; 0 leaves it as recorded.
         gamma: f64 = 0.5, unit "", range 0.0..=4.0;
+        /// Widening of the spectral peaks of the steady part: the greatest random shift of a grain for each newton of normal force.
+        width_by_load: f64 = 0.0, unit "octaves/N", range 0.0..=1000.0;
         /// Probability that a grain of a chain is followed by one of another time.
         jump: f64 = 0.05, unit "", range 0.0..=1.0;
         /// Level of the steady part.
@@ -134,6 +137,7 @@ impl GrainRetarget {
             jump: p.jump,
             gamma: p.gamma,
             speed: p.speed_ref,
+            width: p.width_by_load,
             levels: [level(p.steady), level(p.transient)],
         }
     }
@@ -337,6 +341,7 @@ impl Node for GrainRetarget {
         }
         (p.energy_ref, p.range, p.whole_energy) = (new.energy_ref, new.range, new.whole_energy);
         (p.speed_ref, p.gamma, p.jump) = (new.speed_ref, new.gamma, new.jump);
+        p.width_by_load = new.width_by_load;
         (p.steady, p.transient, p.gain) = (new.steady, new.transient, new.gain);
         Retune::Done
     }

@@ -1,5 +1,6 @@
 //! The node `PatternResynth`.
 
+use super::gap_noise::gap_noise;
 use super::segment::{GrainSegment, segments};
 use super::selection::{check_patterns, check_rate, patterns_of};
 use super::walk::{GapRule, walk};
@@ -65,17 +66,34 @@ ports! {
     }
 }
 
+/// Segments of one component, by their start.
+#[derive(Debug)]
+struct Part {
+    component: Component,
+    /// What the segments are pieces of.
+    dictionary: Arc<GrainDictionary>,
+    segments: Vec<GrainSegment>,
+    /// Longest segment.
+    longest: i64,
+    /// True if it fills gaps.
+    is_noise: bool,
+}
+
+impl Part {
+    fn new(component: Component, dictionary: Arc<GrainDictionary>, segments: Vec<GrainSegment>) -> Self {
+        let longest = segments.iter().map(|s| i64::from(s.len)).max().unwrap_or(0);
+        Self { component, dictionary, segments, longest, is_noise: false }
+    }
+}
+
 /// The node `PatternResynth`.
 #[derive(Debug)]
 pub struct PatternResynth {
     params: PatternResynthParams,
-    dictionary: Arc<GrainDictionary>,
-    /// Segments of each component by their start.
-    parts: Vec<(Component, Vec<GrainSegment>)>,
+    rate: f64,
+    parts: Vec<Part>,
     /// Frames of the recording.
     frames: i64,
-    /// Longest segment.
-    longest: i64,
 }
 
 impl PatternResynth {
@@ -112,13 +130,17 @@ impl Node for PatternResynth {
         for pattern in &found {
             let mut all = segments(&dictionary, &walk(pattern, &dictionary, p.gap));
             all.sort_by_key(|segment| segment.start);
-            parts.push((pattern.component, all));
+            let noise = (p.gap == GapRule::Noise).then(|| gap_noise(&dictionary, &all)).flatten();
+            parts.push(Part::new(pattern.component, Arc::clone(&dictionary), all));
+            if let Some((noise, all)) = noise {
+                let part = Part::new(pattern.component, Arc::new(noise), all);
+                parts.push(Part { is_noise: true, ..part });
+            }
         }
         let frames = found.iter().map(|pattern| pattern.frames as i64).max().unwrap_or(0);
-        let last = parts.iter().flat_map(|(_, all)| all.iter().map(GrainSegment::end)).max().unwrap_or(0);
-        let longest =
-            parts.iter().flat_map(|(_, all)| all.iter().map(|s| i64::from(s.len))).max().unwrap_or(0);
-        Ok(Self { params: p.clone(), dictionary, parts, frames: frames.max(last).max(1), longest })
+        let last = parts.iter().flat_map(|part| part.segments.iter().map(GrainSegment::end)).max();
+        let frames = frames.max(last.unwrap_or(0)).max(1);
+        Ok(Self { params: p.clone(), rate: dictionary.rate, parts, frames })
     }
 
     fn run(&mut self, mut io: PatternResynthIo<'_>) -> Result<(), Fault> {
@@ -136,14 +158,12 @@ impl Node for PatternResynth {
         };
         for round in rounds {
             let at = first - round * self.frames;
-            for (component, all) in &self.parts {
-                let level = self.level(*component);
-                let from = all.partition_point(|s| s.start + self.longest <= at);
-                for segment in
-                    all.get(from..).unwrap_or_default().iter().take_while(|s| s.start < at + frames)
-                {
+            for part in &self.parts {
+                let level = self.level(part.component);
+                let from = part.segments.partition_point(|s| s.start + part.longest <= at);
+                for segment in part.segments[from..].iter().take_while(|s| s.start < at + frames) {
                     let segment = GrainSegment { gain: level * segment.gain, ..*segment };
-                    segment.add(&self.dictionary, at, channels, out);
+                    segment.add(&part.dictionary, at, channels, out);
                 }
             }
         }
@@ -151,19 +171,18 @@ impl Node for PatternResynth {
     }
 
     fn finish(&mut self, _: PatternResynthIo<'_>) -> Result<Summary, Fault> {
-        let grains: usize = self.parts.iter().map(|(_, all)| all.len()).sum();
-        let of_gaps =
-            |all: &[GrainSegment]| -> i64 { all.windows(2).map(|w| (w[1].start - w[0].end()).max(0)).sum() };
-        let longest =
-            self.parts.iter().flat_map(|(_, all)| all.windows(2).map(|w| w[1].start - w[0].end())).max();
-        let gaps: i64 = self.parts.iter().map(|(_, all)| of_gaps(all)).sum();
-        let total = self.frames * self.parts.len().max(1) as i64;
-        let seconds = longest.unwrap_or(0).max(0) as f64 / self.dictionary.rate;
+        let of_grains: Vec<&[GrainSegment]> =
+            self.parts.iter().filter(|part| !part.is_noise).map(|part| part.segments.as_slice()).collect();
+        let gap = |pair: &[GrainSegment]| (pair[1].start - pair[0].end()).max(0);
+        let gaps = of_grains.iter().flat_map(|all| all.windows(2).map(gap));
+        let longest = gaps.clone().max().unwrap_or(0) as f64 / self.rate;
+        let total = self.frames * of_grains.len().max(1) as i64;
+        let grains: usize = of_grains.iter().map(|all| all.len()).sum();
         Ok(vec![
             ("grains", grains.into()),
-            ("seconds", (self.frames as f64 / self.dictionary.rate).into()),
-            ("gaps", (gaps as f64 / total as f64).into()),
-            ("longest_gap_s", seconds.into()),
+            ("seconds", (self.frames as f64 / self.rate).into()),
+            ("gaps", (gaps.sum::<i64>() as f64 / total as f64).into()),
+            ("longest_gap_s", longest.into()),
         ])
     }
 

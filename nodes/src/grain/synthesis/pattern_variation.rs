@@ -45,6 +45,8 @@ params! {
         jitter: f64 = 0.005, unit "s", range 0.0..=1.0;
         /// Greatest change of the level of a grain.
         level: f64 = 1.0, unit "dB", range 0.0..=24.0;
+        /// Factor on the number of grains that are no attacks: below 1 some are left out, above 1 more begin while one sounds.
+        density: f64 = 1.0, unit "", range 0.0..=16.0;
     }
 }
 ports! {
@@ -83,6 +85,7 @@ impl Func for PatternVariation {
             temperature: (p.choice == VariationChoice::Softmax).then_some(p.temperature),
             jitter: p.jitter * dictionary.rate,
             level: p.level,
+            density: p.density,
         };
         let vary = |(k, pattern): (usize, &Pattern)| {
             if pattern.is_sequence {

@@ -117,7 +117,7 @@ pub fn impact_sounds(
     random: &Random,
 ) -> Vec<ImpactSound> {
     let variation =
-        VariationRules { among: 4, temperature: None, jitter: 0.001 * dictionary.rate, level: 1.0 };
+        VariationRules { jitter: 0.001 * dictionary.rate, level: 1.0, ..VariationRules::default() };
     let mut sounds = Vec::new();
     let mut shapes: Vec<Vec<f32>> = Vec::new();
     let mut energies = Vec::new();

@@ -39,7 +39,7 @@ pub(crate) fn check_patterns(
 }
 
 /// Checks that a dictionary has the rate of an output.
-pub(super) fn check_rate(dictionary: &GrainDictionary, rate: Rate) -> Result<(), Fault> {
+pub(crate) fn check_rate(dictionary: &GrainDictionary, rate: Rate) -> Result<(), Fault> {
     if (dictionary.rate - rate.as_f64()).abs() < 1e-9 {
         return Ok(());
     }

@@ -12,6 +12,8 @@ choices! {
         Extend,
         /// Silence until the next grain.
         Leave,
+        /// Noise with the mean spectrum of the grains and the level of both neighbours, for sounds that never pause.
+        Noise,
     }
 }
 
@@ -69,7 +71,8 @@ pub fn walk(pattern: &Pattern, dictionary: &GrainDictionary, gap: GapRule) -> Ve
             }
             match gap {
                 GapRule::Extend => reach *= 2,
-                GapRule::Leave => start += half,
+                // Noise is no grain.
+                GapRule::Leave | GapRule::Noise => start += half,
             }
         };
         steps.push(GrainStep { grain: peak.grain, t: peak.t.into(), gain: signed(peak) });
@@ -208,12 +211,21 @@ pub struct VariationRules {
     pub jitter: f64,
     /// Greatest change of the level of a grain, dB.
     pub level: f64,
+    /// Factor on the number of grains that are no onsets.
+    pub density: f64,
+}
+
+impl Default for VariationRules {
+    fn default() -> Self {
+        Self { among: 4, temperature: None, jitter: 0.0, level: 0.0, density: 1.0 }
+    }
 }
 
 /// Walks through a pattern with other grains than the best: similar to it, and never the same.
 ///
 /// At each time one of the best grains is chosen at random, with the gain that it has there, so that the envelope of the recording remains.
-/// Onsets, grains whose power rises by 6 dB, stay at their times. `uniform` returns a random number in [0, 1) for a step and a purpose.
+/// Onsets, grains whose power rises by 6 dB, stay at their times. With a `density` below 1 other grains are left out at random; above 1 more
+/// of them begin while one sounds. `uniform` returns a random number in [0, 1) for a step and a purpose.
 ///
 /// # Source
 /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 4.3.
@@ -231,11 +243,13 @@ pub fn varied(
     let last = source.last().map_or(-1, |step| step.t);
     let mut steps: Vec<GrainStep> = Vec::new();
     let mut start = 0_i64;
-    while start <= last {
+    for index in 0.. {
+        if start > last {
+            break;
+        }
         while onsets.last().is_some_and(|t| *t < start) {
             onsets.pop();
         }
-        let index = steps.len() as u64;
         let onset = onsets.last().copied().filter(|t| *t <= start + half);
         let (mut low, mut high) = match onset {
             Some(t) => (t - half / 2, t + half / 2),
@@ -250,11 +264,21 @@ pub fn varied(
         let jitter = if onset.is_some() { 0.0 } else { rules.jitter * (2.0 * uniform(index, 1) - 1.0) };
         let level = 10f64.powf(rules.level * (2.0 * uniform(index, 2) - 1.0) / 20.0) as f32;
         let t = onset.unwrap_or_else(|| i64::from(chosen.t).max(start));
-        steps.push(GrainStep {
-            grain: chosen.grain,
+        let step = |peak: &Peak, t: i64| GrainStep {
+            grain: peak.grain,
             t: (t + jitter as i64).max(0),
-            gain: level * signed(&chosen),
-        });
+            gain: level * signed(peak),
+        };
+        let count = if onset.is_some() { 1 } else { (rules.density + uniform(index, 3)).floor() as i64 };
+        if count > 0 {
+            steps.push(step(&chosen, t));
+        }
+        for k in 1..count {
+            // In equal parts of the time to the next grain.
+            let at = t + k * advance(dictionary, chosen.grain) / count;
+            let near = between(pattern, at - half / 2, at + half / 2);
+            steps.extend(draw(near, rules, uniform(index, 3 + k as u32)).map(|peak| step(&peak, at)));
+        }
         // The next onset is not left out, even if the grain reaches beyond it.
         let next = onsets.iter().rev().copied().find(|t| onset.is_none_or(|onset| *t > onset));
         let end = t + advance(dictionary, chosen.grain);

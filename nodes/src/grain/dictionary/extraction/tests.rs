@@ -98,3 +98,24 @@ fn a_recording_shorter_than_a_grain_is_one_grain() {
     let table = extraction_table(&recordings(vec![noise(120, 5)]), &found, &rules());
     assert_eq!((table.rows.len(), table.charts.len()), (1, 1));
 }
+
+#[test]
+fn cuts_move_to_zero_crossings_in_reach() {
+    let x = noise(20_000, 6);
+    let (_, plain) = extract(&recordings(vec![x.clone()]), &rules());
+    let (dictionary, snapped) = extract(&recordings(vec![x.clone()]), &ExtractRules { snap: 16, ..rules() });
+    dictionary.validate().unwrap();
+    let (before, after) = (&plain[0].segments.cuts, &snapped[0].segments.cuts);
+    assert_eq!(before.len(), after.len());
+    assert!(after.windows(2).all(|w| w[0] < w[1]) && before != after);
+    for (from, to) in before.iter().zip(after).skip(1).take(before.len() - 2) {
+        assert!(from.abs_diff(*to) <= 16 && (x[to - 1] < 0.0) != (x[*to] < 0.0), "{from} {to}");
+        // None is nearer.
+        let nearer = (1..from.abs_diff(*to)).flat_map(|d| [from - d, from + d]);
+        assert!(nearer.into_iter().all(|t| (x[t - 1] < 0.0) == (x[t] < 0.0)), "{from} {to}");
+    }
+    // A constant has no crossing: cuts remain.
+    let mut cuts = [0, 100, 200];
+    snap_to_zero_crossings(&[1.0; 200], &mut cuts, 16);
+    assert_eq!(cuts, [0, 100, 200]);
+}

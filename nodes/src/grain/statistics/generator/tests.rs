@@ -5,6 +5,7 @@ use crate::core::random::{Random, Rng};
 use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, Pattern, correlate};
 use crate::grain::dictionary::{ExtractRules, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
+use crate::grain::synthesis::{GapRule, sound_of, walk};
 use crate::material::statistics::special::chi_square_above;
 
 /// Crackling of two kinds of sounds, whose levels rise and fall slowly.
@@ -158,11 +159,34 @@ fn density_loudness_and_duration_are_followed() {
     assert!(plain.windows(2).all(|w| w[0].t < w[1].t && w[0].grain != w[1].grain));
 }
 
+/// Shares of the power of the envelope in four octaves from 2 to 32 Hz.
+fn modulation(x: &[f32], rate: f64) -> [f64; 4] {
+    let block = (0.005 * rate) as usize;
+    let level = |x: &[f32]| (x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len() as f64).sqrt();
+    let envelope: Vec<f64> = x.chunks(block).map(level).collect();
+    let mean = envelope.iter().sum::<f64>() / envelope.len() as f64;
+    let resolution = rate / x.len() as f64;
+    let power = |k: usize| {
+        let step = std::f64::consts::TAU * k as f64 * resolution * block as f64 / rate;
+        let at = |(i, y): (usize, &f64)| {
+            [(y - mean) * (step * i as f64).cos(), (y - mean) * (step * i as f64).sin()]
+        };
+        let sums = envelope.iter().enumerate().map(at).fold([0.0; 2], |s, x| [s[0] + x[0], s[1] + x[1]]);
+        sums[0] * sums[0] + sums[1] * sums[1]
+    };
+    let octave = |j: i32| {
+        let [low, high] = [j, j + 1].map(|j| (2f64.powi(j) / resolution).round() as usize);
+        (low..high.max(low + 1)).map(power).sum::<f64>()
+    };
+    let all = [1, 2, 3, 4].map(octave);
+    all.map(|x| x / all.iter().sum::<f64>())
+}
+
 #[test]
 fn what_is_drawn_without_a_recording_is_within_the_range_of_the_recordings() {
     let (dictionary, patterns) = stored(5);
-    // Variation of the intervals, and correlation of the levels, of a walk.
-    let figures = |steps: &[GrainStep]| -> [f64; 2] {
+    // Variation of the intervals, correlation of the levels, and the spectrum of the envelope, of a walk.
+    let figures = |steps: &[GrainStep], frames: usize| -> Vec<f64> {
         let intervals: Vec<f64> = steps.windows(2).map(|w| (w[1].t - w[0].t) as f64).collect();
         let mean = intervals.iter().sum::<f64>() / intervals.len() as f64;
         let variance = intervals.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / intervals.len() as f64;
@@ -170,20 +194,23 @@ fn what_is_drawn_without_a_recording_is_within_the_range_of_the_recordings() {
             10.0 * (f64::from(dictionary.grains[s.grain as usize].power) * f64::from(s.gain).powi(2)).log10()
         };
         let levels: Vec<f64> = steps.iter().map(level).collect();
-        [variance.sqrt() / mean, lag_correlation(&[&levels])]
+        let mut all = vec![variance.sqrt() / mean, lag_correlation(&[&levels])];
+        all.extend(modulation(&sound_of(&dictionary, [steps], frames), dictionary.rate));
+        all
     };
-    let walked = |pattern: &Pattern| {
-        crate::grain::synthesis::walk(pattern, &dictionary, crate::grain::synthesis::GapRule::Extend)
-    };
-    let recorded: Vec<[f64; 2]> = patterns.patterns.iter().map(|p| figures(&walked(p))).collect();
+    let walked = |pattern: &Pattern| walk(pattern, &dictionary, GapRule::Extend);
+    let recorded: Vec<Vec<f64>> =
+        patterns.patterns.iter().map(|p| figures(&walked(p), p.frames as usize)).collect();
     for k in 0..recorded.len() {
         let rest = patterns.patterns.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, p)| p.clone());
         let model = model_of(&dictionary, &rest.collect::<Vec<_>>());
         let random = Random::new(k as u64, "generator");
         let uniform = |index: u64, lane: u32| random.uniform(0, index, lane);
         let rules = GeneratorRules::default();
-        let drawn = figures(&generated([&model, &model], &dictionary, &rules, 1_200_000, false, uniform));
-        for (j, name) in ["variation of intervals", "correlation of levels"].into_iter().enumerate() {
+        let steps = generated([&model, &model], &dictionary, &rules, 1_200_000, false, uniform);
+        let drawn = figures(&steps, 1_200_000);
+        let names = ["intervals", "levels", "2 to 4 Hz", "4 to 8 Hz", "8 to 16 Hz", "16 to 32 Hz"];
+        for (j, name) in names.into_iter().enumerate() {
             let low = recorded.iter().map(|f| f[j]).fold(f64::INFINITY, f64::min);
             let high = recorded.iter().map(|f| f[j]).fold(f64::NEG_INFINITY, f64::max);
             assert!((low..=high).contains(&drawn[j]), "{name} without {k}: {} {recorded:?}", drawn[j]);

@@ -117,7 +117,7 @@ fn variations_differ_in_grains_and_keep_the_rhythm() {
     let (dictionary, patterns) =
         all_of(vec![knocks(60_000, 6), knocks(60_000, 7)], 16, Retention::PerInterval(4));
     let pattern = &patterns.patterns[0];
-    let rules = VariationRules { among: 4, temperature: None, jitter: 0.0, level: 0.0 };
+    let rules = VariationRules::default();
     let of = |seed: u64| {
         let random = Random::new(seed, "variation");
         varied(pattern, &dictionary, &rules, |index, lane| random.uniform(0, index, lane))
@@ -133,4 +133,26 @@ fn variations_differ_in_grains_and_keep_the_rhythm() {
     // The best alone, without jitter, is the walk up to ties of correlation.
     let first = varied(pattern, &dictionary, &VariationRules { among: 1, ..rules }, |_, _| 0.0);
     assert!(first.len() as f64 > 0.7 * source.len() as f64);
+}
+
+#[test]
+fn a_density_leaves_out_or_adds_grains_between_onsets() {
+    let (dictionary, patterns) = all_of(vec![knocks(400_000, 8)], 16, Retention::PerInterval(4));
+    let pattern = &patterns.patterns[0];
+    let random = Random::new(9, "variation");
+    let of = |density: f64| {
+        let rules = VariationRules { density, ..VariationRules::default() };
+        varied(pattern, &dictionary, &rules, |index, lane| random.uniform(0, index, lane))
+    };
+    let source = walk(pattern, &dictionary, GapRule::Extend);
+    let onsets: Vec<i64> = onset_steps(&dictionary, &source).into_iter().map(|k| source[k].t).collect();
+    let plain = of(1.0);
+    let others = |steps: &[GrainStep]| steps.iter().filter(|s| !onsets.contains(&s.t)).count() as f64;
+    for density in [0.0, 0.3, 1.5, 3.0] {
+        let steps = of(density);
+        let ratio = others(&steps) / others(&plain);
+        assert!((ratio - density).abs() <= 0.1 * density.max(0.5), "{density}: {ratio}");
+        assert!(onsets.iter().all(|t| steps.iter().any(|s| s.t == *t)), "{density}");
+        assert!(steps.windows(2).all(|w| w[0].t <= w[1].t));
+    }
 }

@@ -1,0 +1,224 @@
+//! The node `VariationReport`.
+
+use super::variation::{FrameCloud, RenderedImpact, largest_shifted_correlation, rendered_impacts};
+use super::{reduced, retained_grains};
+use crate::core::fault::Fault;
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Func, Summary};
+use crate::core::params::{Params, Text};
+use crate::core::ports::Value;
+use crate::core::random::Rng;
+use crate::core::shape::Build;
+use crate::grain::correlation::CorrelationPatterns;
+use crate::grain::dictionary::GrainDictionary;
+use crate::grain::recording::{GrainRecordings, SourceKind, matching_tags};
+use crate::grain::synthesis::{RepertoireRules, check_patterns};
+use crate::plot::{Chart, Line};
+use crate::table::ResultTable;
+use crate::{params, ports};
+
+params! {
+    /// Compares the impacts that a `GrainRetarget` plays for one energy with each other and with the recordings.
+    ///
+    /// `table` has a row for all grains and for each share of their bytes, as chosen by `GrainSubset`: the bytes of grains and patterns, those
+    /// that the different impacts would have as 16-bit samples, the greatest normalised cross-correlation of successive impacts at any shift
+    /// of up to 10 ms, and the range of their levels. A distance is the mean Mahalanobis distance of the mel cepstra of the frames of an
+    /// impact, 12 coefficients without loudness, from those of all recordings of the tags. Its limit is the greatest distance of a recording
+    /// from the others.
+    ///
+    /// `impacts` has a row for each impact of all grains. Tapped as SVG, `table` draws correlations and distances.
+    ///
+    /// # Randomness
+    /// The impacts, as those of `GrainRetarget`.
+    ///
+    /// # Complexity
+    /// One transform for each pair of successive impacts, and one for each 10 ms of them.
+    pub struct VariationReportParams {
+        /// Tags of the recordings.
+        impact: Text = "".into();
+        /// Number of impacts.
+        events: usize = 100, unit "", range 2..=10_000;
+        /// Variations of each recorded impact.
+        variations: usize = 64, unit "", range 1..=1024;
+        /// Share of the recorded differences of level between impacts that remains.
+        spread: f64 = 0.0, unit "", range 0.0..=1.0;
+        /// Shares of the bytes of the grains.
+        shares: Vec<f64> = vec![0.5, 0.25], unit "", range 0.0..=1.0;
+        /// Sound stored beyond the ends of grains without neighbours, for joins.
+        margin: f64 = 0.005, unit "s", range 0.0..=0.1;
+    }
+}
+ports! {
+    pub struct VariationReportPorts / VariationReportIo {
+        in {
+            /// The recordings.
+            recordings: Value<GrainRecordings>,
+            /// Their grains.
+            dictionary: Value<GrainDictionary>,
+            /// Their patterns.
+            patterns: Value<CorrelationPatterns>,
+        }
+        out {
+            /// Figures for all grains and for shares of them.
+            table: Value<ResultTable>,
+            /// Figures of each impact of all grains.
+            impacts: Value<ResultTable>,
+        }
+    }
+}
+
+/// The node `VariationReport`.
+#[derive(Debug)]
+pub struct VariationReport;
+
+/// Figures of the impacts of one dictionary.
+struct Figures {
+    /// Correlation of each with the one before; the first one has none.
+    correlations: Vec<f64>,
+    /// Distance of each from the recordings.
+    distances: Vec<f64>,
+    levels: Vec<f64>,
+}
+
+impl Figures {
+    fn of(all: &[RenderedImpact], rate: f64, cloud: &FrameCloud) -> Self {
+        let correlation =
+            |w: &[RenderedImpact]| largest_shifted_correlation(&w[0].samples, &w[1].samples, rate);
+        Self {
+            correlations: all.windows(2).map(correlation).collect(),
+            distances: all.iter().map(|event| cloud.distance(&event.samples, rate)).collect(),
+            levels: all.iter().map(|event| 10.0 * event.energy.max(1e-30).log10()).collect(),
+        }
+    }
+}
+
+fn greatest(x: &[f64]) -> f64 {
+    x.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+}
+
+impl Func for VariationReport {
+    type Params = VariationReportParams;
+    type Ports = VariationReportPorts;
+    const NAME: &'static str = "VariationReport";
+
+    fn eval(
+        p: &VariationReportParams,
+        cx: &Build<'_>,
+        mut io: VariationReportIo<'_>,
+    ) -> Result<Summary, Fault> {
+        let (recordings, dictionary, patterns) = (io.recordings, io.dictionary, io.patterns);
+        check_patterns(patterns, dictionary)?;
+        let impulsive: Vec<_> =
+            recordings.recordings.iter().filter(|r| r.kind == SourceKind::Impulsive).collect();
+        let (found, _) = matching_tags(&p.impact.0, impulsive.iter().map(|r| r.tags.as_slice()));
+        if found.is_empty() {
+            let message = format!("no recording of an impact has a tag of {:?}", p.impact.0);
+            return Err(Fault::new("F151", message)
+                .at("impact")
+                .help("leave `impact` empty for all of them"));
+        }
+        let rate = dictionary.rate;
+        let sounds: Vec<Vec<f32>> = found.iter().map(|k| impulsive[*k].mono()).collect();
+        let cloud = FrameCloud::new(&sounds, rate);
+        let limit = cloud.limit();
+        let rules = RepertoireRules { variations: p.variations, spread: p.spread };
+        let margin = (p.margin * rate).round() as usize;
+        let mut table = ResultTable::new(&[
+            "share",
+            "grains",
+            "bytes",
+            "impacts",
+            "bytes_of_impacts",
+            "mean_correlation",
+            "largest_correlation",
+            "level_range_db",
+            "largest_distance",
+            "limit",
+            "outside",
+        ]);
+        let mut impacts = ResultTable::new(&["impact", "seconds", "level_db", "correlation", "distance"]);
+        let is_chosen =
+            |pattern: &crate::grain::Pattern| found.iter().any(|k| impulsive[*k].name == pattern.name);
+        let mut summary = Vec::new();
+        let total = (1 + p.shares.len()) as f64;
+        for (row, share) in std::iter::once(None).chain(p.shares.iter().map(Some)).enumerate() {
+            if (cx.monitor)(row as f64 / total) {
+                return Err(Fault::stopped());
+            }
+            let smaller = share.map(|share| {
+                let budget = (share * dictionary.bytes() as f64) as usize;
+                let retained = retained_grains(dictionary, patterns, &is_chosen, budget, margin);
+                reduced(dictionary, patterns, &retained, margin)
+            });
+            let (dictionary, patterns) =
+                smaller.as_ref().map_or((dictionary, patterns), |s| (&s.dictionary, &s.patterns));
+            let all = rendered_impacts(dictionary, patterns, &p.impact.0, &rules, p.events, &cx.random);
+            let figures = Figures::of(&all, rate, &cloud);
+            let bytes = |found: Result<Vec<u8>, String>| found.map_or(0, |bytes| bytes.len());
+            let samples: usize = all.iter().map(|event| event.samples.len()).sum();
+            let outside = figures.distances.iter().filter(|d| **d > limit).count();
+            let mean = figures.correlations.iter().sum::<f64>() / figures.correlations.len().max(1) as f64;
+            let [largest, distance] = [greatest(&figures.correlations), greatest(&figures.distances)];
+            let range =
+                greatest(&figures.levels) + greatest(&figures.levels.iter().map(|x| -x).collect::<Vec<_>>());
+            table.push([
+                share.copied().unwrap_or(1.0).into(),
+                dictionary.len().into(),
+                (bytes(dictionary.to_bytes()) + bytes(patterns.to_bytes())).into(),
+                all.len().into(),
+                (2 * samples).into(),
+                mean.into(),
+                largest.into(),
+                range.into(),
+                distance.into(),
+                limit.into(),
+                outside.into(),
+            ]);
+            if share.is_none() {
+                summary = vec![
+                    ("impacts", all.len().into()),
+                    ("largest_correlation", largest.into()),
+                    ("level_range_db", range.into()),
+                    ("largest_distance", distance.into()),
+                    ("limit", limit.into()),
+                    ("outside", outside.into()),
+                ];
+                for (k, event) in all.iter().enumerate() {
+                    let correlation = k.checked_sub(1).and_then(|k| figures.correlations.get(k));
+                    impacts.push([
+                        k.into(),
+                        (event.samples.len() as f64 / rate).into(),
+                        figures.levels[k].into(),
+                        correlation.copied().unwrap_or(0.0).into(),
+                        figures.distances[k].into(),
+                    ]);
+                }
+                let dots = |x: &[f64]| x.iter().enumerate().map(|(k, y)| [k as f64, *y]).collect::<Vec<_>>();
+                let ends = vec![[0.0, limit], [all.len().saturating_sub(1) as f64, limit]];
+                let axis = ("impact", false);
+                let correlation = vec![Line::dots("with the impact before", dots(&figures.correlations))];
+                let distances =
+                    vec![Line::dots("impacts", dots(&figures.distances)), Line::new("recordings", ends)];
+                table.charts = vec![
+                    Chart::of("successive impacts", axis, ("correlation", false), correlation),
+                    Chart::of("distance from the recordings", axis, ("distance", false), distances),
+                ];
+            }
+        }
+        io.table.set(table);
+        io.impacts.set(impacts);
+        Ok(summary)
+    }
+
+    fn trial(rng: &mut Rng) -> (VariationReportParams, MemoryFiles) {
+        let p = VariationReportParams::trial(rng);
+        let params = VariationReportParams {
+            impact: "".into(),
+            events: 2 + rng.below(6),
+            variations: 1 + rng.below(4),
+            shares: vec![rng.between(0.3, 1.0)],
+            ..p
+        };
+        (params, MemoryFiles::default())
+    }
+}

@@ -1,0 +1,163 @@
+//! Noise in the gaps between grains.
+
+use super::segment::{Fade, FadeShape, GrainSegment};
+use crate::core::random::Rng;
+use crate::grain::dictionary::{GRAINS_VERSION, GrainDictionary, Run};
+use realfft::RealFftPlanner;
+use realfft::num_complex::Complex;
+use std::f64::consts::{PI, TAU};
+
+/// Samples of a frame of the spectrum of the grains.
+const FRAME: usize = 1024;
+/// Most samples of noise before it repeats; it is periodic, so that it repeats without a join.
+const MAX_PERIOD: usize = 1 << 18;
+
+/// Mean power spectrum of some segments, `[FRAME / 2 + 1]`.
+fn mean_spectrum(dictionary: &GrainDictionary, segments: &[GrainSegment]) -> Vec<f64> {
+    let plan = RealFftPlanner::<f32>::new().plan_fft_forward(FRAME);
+    let (mut input, mut spectrum) = (plan.make_input_vec(), plan.make_output_vec());
+    let window: Vec<f32> =
+        (0..FRAME).map(|i| (0.5 - 0.5 * (TAU * i as f64 / FRAME as f64).cos()) as f32).collect();
+    let mut sum = vec![0.0; FRAME / 2 + 1];
+    for segment in segments {
+        let run = dictionary.run(segment.run, 0);
+        let from = (segment.from as usize).min(run.len());
+        let x = &run[from..run.len().min(from + segment.len as usize)];
+        for start in (0..x.len()).step_by(FRAME / 2) {
+            input.fill(0.0);
+            let samples = input.iter_mut().zip(&x[start..]).zip(&window);
+            samples.for_each(|((y, x), w)| *y = segment.gain * x * w);
+            // Lengths agree by construction.
+            if plan.process(&mut input, &mut spectrum).is_ok() {
+                sum.iter_mut().zip(&spectrum).for_each(|(sum, x)| *sum += f64::from(x.norm_sqr()));
+            }
+        }
+    }
+    sum
+}
+
+/// Periodic Gaussian noise with a power spectrum and a mean square of 1.
+fn noise(spectrum: &[f64], period: usize, rng: &mut Rng) -> Vec<f32> {
+    let plan = RealFftPlanner::<f64>::new().plan_fft_inverse(period);
+    let (mut bins, mut out) = (plan.make_input_vec(), plan.make_output_vec());
+    let per_bin = (spectrum.len() - 1) as f64 / (period / 2) as f64;
+    let last = period / 2;
+    for (k, bin) in bins.iter_mut().enumerate().take(last).skip(1) {
+        let at = k as f64 * per_bin;
+        let (low, share) = (at as usize, at.fract());
+        let power = spectrum[low] + share * (spectrum[(low + 1).min(spectrum.len() - 1)] - spectrum[low]);
+        // A normal variable for each part, from two uniform ones.
+        let radius = (-2.0 * rng.between(1e-12, 1.0).ln()).sqrt();
+        *bin = Complex::from_polar(power.sqrt() * radius, rng.between(0.0, 2.0 * PI));
+    }
+    // Lengths agree, and the first and the last bin are real, by construction.
+    if plan.process(&mut bins, &mut out).is_err() {
+        out.fill(0.0);
+    }
+    let power = out.iter().map(|x| x * x).sum::<f64>() / period as f64;
+    let scale = if power > 0.0 { power.sqrt().recip() } else { 0.0 };
+    out.into_iter().map(|x| (scale * x) as f32).collect()
+}
+
+/// Noise for the gaps between joined segments, in order of time: with the mean spectrum of all of them, and in each gap the mean power of both
+/// neighbours. It fades over with them.
+///
+/// `None` without a gap. The noise is the same in each run.
+#[must_use]
+pub fn gap_noise(
+    dictionary: &GrainDictionary,
+    segments: &[GrainSegment],
+) -> Option<(GrainDictionary, Vec<GrainSegment>)> {
+    let gaps: Vec<&[GrainSegment]> = segments.windows(2).filter(|w| w[1].start > w[0].end()).collect();
+    let len = |pair: &&[GrainSegment]| {
+        (pair[1].start - pair[0].end()) as usize + (pair[0].fades[1].len + pair[1].fades[0].len) as usize
+    };
+    let longest = gaps.iter().map(len).max()?;
+    let period = longest.next_power_of_two().clamp(FRAME, MAX_PERIOD);
+    let samples = noise(&mean_spectrum(dictionary, segments), period, &mut Rng::new(1));
+    let own = GrainDictionary {
+        version: GRAINS_VERSION,
+        rate: dictionary.rate,
+        symmetric_tapers: false,
+        bits: 0,
+        sources: Vec::new(),
+        grains: Vec::new(),
+        runs: vec![Run { offset: 0, frames: period as u32, channels: 1 }],
+        steps: Vec::new(),
+        samples,
+    };
+    let power = |segment: &GrainSegment| {
+        let grain = dictionary.grains.get(segment.grain as usize);
+        let of_grain =
+            |g: &crate::grain::Grain| f64::from(g.power) * f64::from(segment.gain / g.gain).powi(2);
+        grain.map_or(0.0, of_grain)
+    };
+    let mut all = Vec::new();
+    for pair in gaps {
+        let gain = (0.5 * (power(&pair[0]) + power(&pair[1]))).sqrt() as f32;
+        let fades = [pair[0].fades[1].len, pair[1].fades[0].len];
+        let (mut start, end) = (pair[0].end() - i64::from(fades[0]), pair[1].start + i64::from(fades[1]));
+        let first = all.len();
+        while start < end {
+            let len = (end - start).min(period as i64) as u32;
+            all.push(GrainSegment { start, len, gain, ratio: 1.0, ..GrainSegment::default() });
+            start += i64::from(len);
+        }
+        let fade = |len: u32| Fade { len, shape: FadeShape::EqualPower(0.0) };
+        let last = all.len() - 1;
+        all[first].fades[0] = fade(fades[0].min(all[first].len));
+        all[last].fades[1] = fade(fades[1].min(all[last].len));
+    }
+    Some((own, all))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
+    use crate::grain::synthesis::{GrainStep, segments};
+
+    #[test]
+    fn a_gap_has_noise_of_the_level_and_the_spectrum_of_its_neighbours() {
+        // Noise below a twentieth of the rate.
+        let mut rng = Rng::new(4);
+        let mut low = 0.0;
+        let mut sample = |_| {
+            low += 0.3 * (rng.between(-1.0, 1.0) - low);
+            low as f32
+        };
+        let channels = vec![(0..60_000).map(&mut sample).collect()];
+        let part = Part { component: Component::Whole, channels };
+        let recording = GrainRecording { parts: vec![part], ..GrainRecording::default() };
+        let all = GrainRecordings { rate: 44_100.0, recordings: vec![recording] };
+        let rules = crate::grain::dictionary::ExtractRules::at_rate(44_100.0);
+        let (dictionary, _) = crate::grain::dictionary::extract(&all, &rules);
+        // Every grain twice as loud as recorded, and 20,000 samples without any.
+        let own = dictionary.grains.iter().enumerate();
+        let step = |(k, g): (usize, &crate::grain::Grain)| GrainStep {
+            grain: k as u32,
+            t: g.window_start() as i64 + if g.start > 30_000 { 20_000 } else { 0 },
+            gain: 2.0,
+        };
+        let played = segments(&dictionary, &own.map(step).collect::<Vec<_>>());
+        let (noise, filled) = gap_noise(&dictionary, &played).unwrap();
+        let mut out = vec![0.0; 80_000];
+        played.iter().for_each(|s| s.add(&dictionary, 0, 1, &mut out));
+        filled.iter().for_each(|s| s.add(&noise, 0, 1, &mut out));
+        let gap = played.windows(2).find(|w| w[1].start > w[0].end() + 10_000).unwrap();
+        let range = gap[0].end() as usize..gap[1].start as usize;
+        let power = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len() as f64;
+        // Differences of successive samples are small where the spectrum is low.
+        let slope = |x: &[f32]| {
+            x.windows(2).map(|w| f64::from(w[1] - w[0]).powi(2)).sum::<f64>() / x.len() as f64 / power(x)
+        };
+        let (before, within) = (&out[1000..range.start - 1000], &out[range.clone()]);
+        let level = 10.0 * (power(within) / power(before)).log10();
+        assert!(level.abs() < 2.0, "{level} dB");
+        assert!((slope(within) / slope(before)).ln().abs() < 0.2, "{} {}", slope(within), slope(before));
+        // No window of 5 ms is without sound, also around the ends of the gap.
+        let least = out[1000..70_000].chunks(220).map(power).fold(f64::INFINITY, f64::min);
+        assert!(least > 0.02 * power(before), "{least}");
+        assert!(gap_noise(&dictionary, &played[..5]).is_none());
+    }
+}
