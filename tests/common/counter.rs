@@ -40,7 +40,7 @@ impl Node for Counter {
 
     fn run(&mut self, mut io: CounterIo<'_>) -> Result<(), Fault> {
         for (tick, _) in io.beats.events() {
-            io.counted.push(*tick, Trigger { gain: self.0 });
+            io.counted.push(*tick, Trigger::of(self.0));
             self.0 += 1.0;
         }
         Ok(())

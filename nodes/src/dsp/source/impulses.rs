@@ -102,7 +102,7 @@ mod tests {
     use crate::core::standalone::Standalone;
     fn clicks(decay: f64, events: Vec<(i64, f32)>) -> Vec<f32> {
         let params = ImpulsesParams { decay, rate: Rate::hz(1000) };
-        let events = events.into_iter().map(|(tick, gain)| (tick, Trigger { gain })).collect();
+        let events = events.into_iter().map(|(tick, gain)| (tick, Trigger::of(gain))).collect();
         let standalone =
             Standalone::new::<ImpulsesNode>(params).events(ImpulsesPorts::events, events, ticks(0.01));
         standalone.run().unwrap().stream(ImpulsesPorts::audio)

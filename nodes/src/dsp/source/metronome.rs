@@ -42,6 +42,7 @@ impl Node for MetronomeNode {
     type Ports = MetronomePorts;
     const NAME: &'static str = "Metronome";
     const CLASS: Class = Class::Audio;
+    const VERSION: u32 = 2;
 
     fn shape(p: &MetronomeParams, s: &mut Shape<'_, '_, MetronomePorts>) -> Result<(), Reject> {
         s.ends(ends_after(p.duration));
@@ -59,7 +60,7 @@ impl Node for MetronomeNode {
         let first = (seconds(from) / interval).floor() as i64 - 1;
         let times = (first.max(0)..).map(|k| ticks(k as f64 * interval));
         for tick in times.skip_while(|t| *t < from).take_while(|t| *t < to) {
-            io.beats.push(tick, Trigger { gain });
+            io.beats.push(tick, Trigger::of(gain));
         }
         Ok(())
     }
@@ -80,7 +81,7 @@ mod tests {
         let params = MetronomeParams { interval: 0.1, gain: 0.5, duration: Some(0.35) };
         let beats = Standalone::new::<MetronomeNode>(params).window(ticks(0.013)).run().unwrap();
         let beats = beats.events(MetronomePorts::beats);
-        let expected: Vec<_> = [0.0, 0.1, 0.2, 0.3].map(|t| (ticks(t), Trigger { gain: 0.5 })).into();
+        let expected: Vec<_> = [0.0, 0.1, 0.2, 0.3].map(|t| (ticks(t), Trigger::of(0.5))).into();
         assert_eq!(beats, expected);
     }
 }

@@ -105,6 +105,7 @@ impl Node for FluxSegmenter {
     type Ports = FluxSegmenterPorts;
     const NAME: &'static str = "FluxSegmenter";
     const CLASS: Class = Class::Worker;
+    const VERSION: u32 = 2;
     const COST: f64 = 100.0;
 
     fn shape(p: &FluxSegmenterParams, s: &mut Shape<'_, '_, FluxSegmenterPorts>) -> Result<(), Reject> {
@@ -154,12 +155,12 @@ impl Node for FluxSegmenter {
         while let Some(at) = self.cuts.front().map(tick).filter(|at| *at < to) {
             // Where the node begins is no cut, unless it is the start of the sound.
             if self.cuts.pop_front() != Some(0) || first == 0 {
-                io.cuts.push(at, Trigger { gain: 1.0 });
+                io.cuts.push(at, Trigger::of(1.0));
             }
         }
         while let Some(at) = self.onsets.front().map(tick).filter(|at| *at < to) {
             self.onsets.pop_front();
-            io.onsets.push(at, Trigger { gain: 1.0 });
+            io.onsets.push(at, Trigger::of(1.0));
         }
         Ok(())
     }

@@ -51,7 +51,7 @@ pub fn resynthesis(
         standalone = standalone.optional(AdditiveResynthPorts::ratio, RATE, Channels(1), control);
     }
     if let Some(attacks) = attacks {
-        let events = attacks.iter().map(|at| (RATE.tick(*at as i64), Trigger { gain: 1.0 })).collect();
+        let events = attacks.iter().map(|at| (RATE.tick(*at as i64), Trigger::of(1.0))).collect();
         let feed = crate::core::standalone::Feed::events(events, ticks(60.0));
         standalone = standalone.feed(AdditiveResynthPorts::attacks.index(), feed);
     }

@@ -266,7 +266,7 @@ fn bad_events_are_counted_and_many_contacts_are_bounded() {
 #[test]
 fn tags_without_recordings_are_replaced_with_a_warning_and_events_are_needed() {
     let p = GrainRetargetParams { impact: "knock stone".into(), ..params() };
-    let feed = Feed::events(vec![(0, Trigger { gain: 1.0 })], ticks(0.5));
+    let feed = Feed::events(vec![(0, Trigger::of(1.0))], ticks(0.5));
     let run = standalone(p.clone()).feed(GrainRetargetPorts::triggers.index(), feed).run().unwrap();
     assert!(rms(&run.stream(GrainRetargetPorts::audio)) > 0.001);
     assert!(run.summary.iter().any(|(n, text)| *n == "warning" && text.to_string().contains("knock stone")));
