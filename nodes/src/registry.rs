@@ -285,6 +285,7 @@ impl Registry {
             .with::<dsp::nodes::ResampleNode>()
             .with::<dsp::nodes::SweepNode>()
             .with::<dsp::nodes::ToneNode>()
+            .with::<dsp::nodes::TriggerFile>()
             .with::<dsp::nodes::TrimNode>()
             .family("mesh")
             .with::<MeshSequence>()

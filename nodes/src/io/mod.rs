@@ -3,6 +3,7 @@
 //! [`probe`] and [`AudioReader`] read WAV, FLAC, Ogg Vorbis and MP3. They trust the bytes of a file, not its name or the
 //! lengths in its header. [`AudioWriter`] writes WAV, with the same bits for any block size.
 
+mod csv_error;
 mod error;
 mod info;
 pub mod manifest;
@@ -19,6 +20,7 @@ mod wav_out;
 mod without_packets;
 
 pub use crate::core::files::ReadSeek;
+pub(crate) use csv_error::csv_error;
 pub use error::{AudioError, AudioWarning};
 pub use info::{AudioInfo, FileFormat, ReadLimits, SampleFormat};
 pub use reader::{AudioReader, probe, probe_with};

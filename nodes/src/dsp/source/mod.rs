@@ -2,6 +2,7 @@
 
 pub mod impulses;
 pub mod metronome;
+pub mod midi_notes;
 pub mod noise;
 pub mod noise_generator;
 pub mod oscillator;
@@ -9,3 +10,5 @@ pub mod output;
 pub mod sweep;
 pub mod tone;
 pub mod trigger;
+pub mod trigger_file;
+pub mod trigger_table;

@@ -152,7 +152,7 @@ impl ImpactForce {
             let [low, high] = self.impulses;
             self.impulses = [if low == 0.0 { size } else { low.min(size) }, high.max(size)];
         }
-        self.beyond_last += u64::from(impact.point >= p.points.into());
+        self.beyond_last += u64::from(impact.point >= u32::from(p.points));
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::event::{Body, Impact};
 use crate::core::time::{Tick, ticks};
+use crate::io::csv_error;
 use std::collections::BTreeMap;
 use thiserror::Error;
 
@@ -190,15 +191,9 @@ pub fn read_impacts(bytes: &[u8], defaults: &Defaults) -> Result<Vec<(Tick, Impa
 
 fn csv_lines(bytes: &[u8], reader: &mut Reader<'_>) -> Result<(), ImpactError> {
     let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(bytes);
-    let bad = |e: csv::Error| ImpactError {
-        line: e.position().map_or(1, csv::Position::line),
-        message: match e.kind() {
-            csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-                format!("{len} field(s) where the header has {expected_len}")
-            }
-            csv::ErrorKind::Utf8 { .. } => "not UTF-8 text".into(),
-            _ => "not comma-separated text".into(),
-        },
+    let bad = |e: csv::Error| {
+        let (line, message) = csv_error(&e);
+        ImpactError { line, message }
     };
     let header = csv.headers().map_err(bad)?.clone();
     let line = header.position().map_or(1, csv::Position::line);

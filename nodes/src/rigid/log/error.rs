@@ -1,5 +1,6 @@
 //! Errors in logs of contacts and poses.
 
+use crate::io::csv_error;
 use thiserror::Error;
 
 /// An error at a position in a file.
@@ -51,12 +52,6 @@ pub(super) fn shorten(text: &str) -> String {
 
 /// Converts an error of the `csv` crate.
 pub(super) fn csv_fault(e: &csv::Error) -> LogFault {
-    let message = match e.kind() {
-        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-            format!("{len} field(s) where the header has {expected_len}")
-        }
-        csv::ErrorKind::Utf8 { .. } => "not UTF-8 text".into(),
-        _ => "not comma-separated text".into(),
-    };
-    LogFault::new(e.position().map_or(1, csv::Position::line), message)
+    let (line, message) = csv_error(e);
+    LogFault::new(line, message)
 }
