@@ -455,6 +455,7 @@ impl Registry {
             .with::<live_input::LiveImpacts>()
             .with::<live_input::LiveMesh>()
             .with::<live_input::LiveMeter>()
+            .with::<live_input::LiveTriggers>()
             .family("own")
     }
 }

@@ -4,7 +4,10 @@ use super::hub::{Hub, MAX_AHEAD};
 use super::log_clock::{LogClock, MAX_LOG};
 use foley_nodes::core::input::Message;
 use foley_nodes::core::time::Tick;
-use foley_nodes::live_input::{ContactMessage, contact_to_message, control_to_message, impact_to_message};
+use foley_nodes::dsp::Trigger;
+use foley_nodes::live_input::{
+    ContactMessage, contact_to_message, control_to_message, impact_to_message, trigger_to_message,
+};
 use foley_nodes::modal::{Body, Defaults, read_impacts};
 use serde_json::{Map, Value};
 use std::io::BufRead;
@@ -57,10 +60,11 @@ impl When {
 ///
 /// - `{"impact": CHANNEL, "velocity": 2.0, ...}`: an impact, with the keys of an impact file; `in` seconds from now.
 /// - `{"contact": CHANNEL, "id": 1, "a": 0, ...}`: one frame of a contact, or `"contacts": [...]` with all of a frame.
+/// - `{"trigger": CHANNEL, "gain": 1.0, "index": 0, "ratio": 1.0}`: a trigger; each of the three may be left out.
 /// - `{"control": CHANNEL, "values": [...]}`: numbers for a `LiveControl`.
 /// - `{"set": NAME, "value": VALUE}`: a parameter, as with `--set`.
 ///
-/// `time_s` in an impact, a contact or a control is a time on the sender's clock, as in a log: see `LogClock`.
+/// `time_s` in an impact, a contact, a trigger or a control is a time on the sender's clock, as in a log: see `LogClock`.
 ///
 /// # Errors
 /// A message with the error found and the expected form.
@@ -100,6 +104,11 @@ pub fn read_line(line: &str, hub: &Hub, log: &mut LogClock) -> Result<(), String
     if let Some(channel) = text(&mut object, "contact")? {
         return contacts(&channel, object, when, hub);
     }
+    if let Some(channel) = text(&mut object, "trigger")? {
+        let message = trigger_to_message(&trigger(&object)?).ok_or("its numbers are too large")?;
+        when.deliver(hub, &channel, message);
+        return Ok(());
+    }
     if let Some(channel) = text(&mut object, "control")? {
         let values = object.remove("values");
         let list = values.as_ref().and_then(Value::as_array);
@@ -113,7 +122,25 @@ pub fn read_line(line: &str, hub: &Hub, log: &mut LogClock) -> Result<(), String
         hub.set(target, value.ok_or("`value` has to be a number, a text, true, false or a list")?);
         return Ok(());
     }
-    Err("one of `impact`, `contact`, `control` and `set` is needed".to_owned())
+    Err("one of `impact`, `contact`, `trigger`, `control` and `set` is needed".to_owned())
+}
+
+/// Makes a trigger from the other keys of a line.
+fn trigger(object: &Map<String, Value>) -> Result<Trigger, String> {
+    let mut numbers = [1.0, 0.0, 1.0];
+    for (key, value) in object {
+        let (k, needed) = match key.as_str() {
+            "gain" => (0, "a number"),
+            "index" => (1, "a whole number from 0 on"),
+            "ratio" => (2, "a number from 0.0625 to 16"),
+            _ => return Err(format!("there is no key `{key}`; keys are `gain`, `index` and `ratio`")),
+        };
+        numbers[k] = value.as_f64().unwrap_or(f64::NAN);
+        if Trigger::from_numbers(&numbers).is_none() {
+            return Err(format!("`{key}` is {value}; {needed} is needed"));
+        }
+    }
+    Trigger::from_numbers(&numbers).ok_or_else(|| "this is no trigger".to_owned())
 }
 
 /// Delivers one contact, or all contacts of a frame.
@@ -177,7 +204,7 @@ mod tests {
     use crate::live::checks::{check_lines, seeds};
     use foley_nodes::core::input::Inputs;
     use foley_nodes::core::random::Rng;
-    use foley_nodes::live_input::impact_from_message;
+    use foley_nodes::live_input::{impact_from_message, trigger_from_message};
     use std::sync::atomic::Ordering::Relaxed;
 
     #[test]
@@ -195,8 +222,30 @@ mod tests {
             hub.take_sets(Duration::ZERO)[0],
             super::super::Set { target: "level".into(), value: "0.5".into() }
         );
-        assert_eq!(wrong, ["5: one of `impact`, `contact`, `control` and `set` is needed"]);
+        assert_eq!(wrong, ["5: one of `impact`, `contact`, `trigger`, `control` and `set` is needed"]);
         assert_eq!((hub.delivered.load(Relaxed), hub.malformed.load(Relaxed)), (3, 1));
+    }
+
+    #[test]
+    fn triggers_arrive_with_what_they_name_or_are_refused_with_a_reason() {
+        let hub = Hub::new();
+        let mut inbox = hub.open("taps").unwrap();
+        let mut log = LogClock::default();
+        let mut read = |keys: &str| read_line(&format!("{{\"trigger\": \"taps\"{keys}}}"), &hub, &mut log);
+        read("").unwrap();
+        read(", \"index\": 3, \"gain\": 0.5, \"ratio\": 2, \"in\": 0").unwrap();
+        for (keys, part) in [
+            (", \"ratio\": 0", "`ratio` is 0; a number from 0.0625 to 16 is needed"),
+            (", \"index\": 0.5", "`index` is 0.5; a whole number from 0 on is needed"),
+            (", \"gain\": \"loud\"", "`gain` is \"loud\"; a number is needed"),
+            (", \"pitch\": 1", "there is no key `pitch`; keys are `gain`, `index` and `ratio`"),
+        ] {
+            assert_eq!(read(keys).unwrap_err(), part);
+        }
+        let triggers: Vec<_> = std::iter::from_fn(|| inbox.next(1))
+            .map(|(_, message)| trigger_from_message(&message).unwrap())
+            .collect();
+        assert_eq!(triggers, [Trigger::of(1.0), Trigger { gain: 0.5, index: 3, ratio: 2.0 }]);
     }
 
     #[test]
@@ -240,13 +289,14 @@ mod tests {
     #[test]
     fn damaged_lines_are_counted_or_delivered() {
         let good = [
+            "{\"trigger\": \"x\", \"gain\": 0.5, \"index\": 3, \"ratio\": 0.5}",
             "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5, \"in\": 0.1}",
             "{\"contact\": \"ball\", \"contacts\": [{\"id\": 1, \"ends\": true}, {\"id\": 2, \"ends\": true}]}",
             "{\"control\": \"x\", \"values\": [0.5, -1e9]}\n{\"set\": \"level\", \"value\": [true, \"a\"]}",
         ];
         for seed in seeds(3000) {
             let mut rng = Rng::new(seed);
-            let mut bytes = good[seed as usize % 3].as_bytes().to_vec();
+            let mut bytes = good[seed as usize % 4].as_bytes().to_vec();
             for _ in 0..rng.below(5) {
                 let at = rng.below(bytes.len());
                 match rng.below(4) {

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `/foley/impact/CHANNEL` | energy in J, then optionally hardness, object, point, x, y, z |
 //! | `/foley/contact/CHANNEL` | id, a, b, point (3), normal (3), force, velocity (3), then optionally approach, mass, travel over a (3), step, depth; or only an id, which ends the contact |
+//! | `/foley/trigger/CHANNEL` | gain, then optionally index, ratio |
 //! | `/foley/control/CHANNEL` | up to 16 numbers |
 //! | `/foley/set/NAME` | a number, text or Boolean; `/foley/set/NODE/PARAM` for the parameter of a node |
 //!
@@ -11,7 +12,10 @@
 
 use super::hub::Hub;
 use super::listener::Listener;
-use foley_nodes::live_input::{ContactMessage, contact_to_message, control_to_message, impact_to_message};
+use foley_nodes::dsp::Trigger;
+use foley_nodes::live_input::{
+    ContactMessage, contact_to_message, control_to_message, impact_to_message, trigger_to_message,
+};
 use foley_nodes::modal::{Body, Impact};
 use rosc::{OscPacket, OscTime, OscType};
 use std::net::{SocketAddr, UdpSocket};
@@ -91,6 +95,7 @@ fn deliver_message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Opt
         "contact" => {
             hub.deliver(name, contact_to_message(&ContactMessage::from_numbers(&numbers()?)?)?, wait)
         }
+        "trigger" => hub.deliver(name, trigger_to_message(&Trigger::from_numbers(&numbers()?)?)?, wait),
         "control" => hub.deliver(name, control_to_message(&numbers()?)?, wait),
         "set" => hub.set(name.replace('/', "."), ron(message.args.first()?)?),
         _ => return None,
@@ -188,7 +193,7 @@ mod tests {
     use foley_nodes::core::input::Inputs;
     use foley_nodes::core::random::Rng;
     use foley_nodes::core::time::{seconds, ticks};
-    use foley_nodes::live_input::impact_from_message;
+    use foley_nodes::live_input::{impact_from_message, trigger_from_message};
     use rosc::{OscBundle, OscMessage, encoder::encode};
 
     fn bytes(addr: &str, args: Vec<OscType>) -> Vec<u8> {
@@ -215,6 +220,24 @@ mod tests {
             hub.take_sets(Duration::ZERO)[0],
             super::super::Set { target: "bell.gain".into(), value: "0.25".into() }
         );
+        assert_eq!(hub.malformed.load(Relaxed), 4);
+    }
+
+    #[test]
+    fn triggers_arrive_with_their_index_and_ratio_or_are_counted_as_malformed() {
+        let hub = Hub::new();
+        let mut inbox = hub.open("taps").unwrap();
+        let send = |args: Vec<OscType>| read_packet(&bytes("/foley/trigger/taps", args), &hub);
+        send(vec![OscType::Float(0.5)]);
+        send(vec![OscType::Float(0.5), OscType::Int(3), OscType::Float(2.0)]);
+        send(Vec::new());
+        send(vec![OscType::Float(f32::NAN)]);
+        send(vec![OscType::Float(0.5), OscType::Int(-1)]);
+        send(vec![OscType::Float(0.5), OscType::Int(3), OscType::Float(0.0)]);
+        let triggers: Vec<_> = std::iter::from_fn(|| inbox.next(1))
+            .map(|(_, message)| trigger_from_message(&message).unwrap())
+            .collect();
+        assert_eq!(triggers, [Trigger::of(0.5), Trigger { gain: 0.5, index: 3, ratio: 2.0 }]);
         assert_eq!(hub.malformed.load(Relaxed), 4);
     }
 
