@@ -2,7 +2,7 @@
 
 use super::chain::ChainRules;
 use super::contact_pairs::ContactPairs;
-use super::impact_voices::ImpactVoices;
+use super::impact_voices::{ImpactVoices, Voice};
 use super::repertoire::{ImpactSound, RepertoireRules, contact_sounds, impact_sounds, sources_of};
 use super::selection::{check_patterns, check_rate};
 use crate::core::fault::{Fault, Reject};
@@ -33,7 +33,8 @@ params! {
     /// contacts of two bodies are one chain. Rubbing at another speed may not change the spectrum, while a load widens its peaks: `gamma: 0`
     /// with `width_by_load` follows that.
     ///
-    /// Triggers play impacts without physics. Tags without recordings are replaced by the nearest, with a warning.
+    /// Triggers play impacts without physics: a trigger of index `k` a recording whose tags are those of entry `k` of `triggered`, at the speed of
+    /// its ratio, which also multiplies the frequency. Tags without recordings are replaced by the nearest, with a warning.
     ///
     /// # Randomness
     /// The choice of an impact and of the grains of a chain are functions of the seed, the bodies and the number of the grain.
@@ -50,6 +51,8 @@ params! {
         rolling: Text = "roll rolling".into();
         /// Tags of breaking, for impacts of at least `break_energy`.
         breaking: Text = "break".into();
+        /// Tags of what triggers play, by their index; a trigger of another index plays an impact.
+        triggered: Vec<Text> = Vec::new();
         /// Body whose impacts and contacts sound; None for all.
         object: Option<u32> = None, unit "", range 0..=u32::MAX;
         /// Energy at which an impact has the level of the recordings.
@@ -99,7 +102,7 @@ ports! {
             impacts: Option<Events<Impact>>,
             /// Contacts with their classification.
             states: Option<Events<ContactState>>,
-            /// Impacts without physics, with their amplitude.
+            /// Impacts without physics, with their amplitude, index and ratio.
             triggers: Option<Events<Trigger>>,
         }
         out {
@@ -109,6 +112,11 @@ ports! {
     }
 }
 
+/// Index of the list of impacts, and of that of breaking; those of `triggered` follow.
+const IMPACT: usize = 0;
+const BREAKING: usize = 1;
+const TRIGGERED: usize = 2;
+
 /// The node `GrainRetarget`.
 #[derive(Debug)]
 pub struct GrainRetarget {
@@ -116,14 +124,14 @@ pub struct GrainRetarget {
     dictionary: Arc<GrainDictionary>,
     /// Digest of the dictionary.
     digest: String,
-    impacts: Vec<ImpactSound>,
-    breaking: Vec<ImpactSound>,
+    /// Sounds of impacts, by list.
+    sounds: Vec<Vec<ImpactSound>>,
     contacts: ContactPairs,
     random: Random,
     voices: ImpactVoices,
-    breaks: ImpactVoices,
-    /// Impacts so far, and events that are not finite.
-    impact_count: u64,
+    /// Impacts so far, by list.
+    impact_counts: Vec<u64>,
+    /// Events that are not finite, or whose ratio is out of range.
     not_finite: u64,
     scratch: Vec<f32>,
     notices: Vec<String>,
@@ -142,24 +150,53 @@ impl GrainRetarget {
         }
     }
 
-    /// Plays an impact at a frame.
-    fn strike(&mut self, energy: f64, amplitude: f64, frame: i64) {
+    /// The list that an impact plays.
+    fn list_of_energy(&self, energy: f64) -> usize {
+        let breaks = self.params.break_energy.is_some_and(|limit| energy >= limit);
+        if breaks && !self.sounds[BREAKING].is_empty() { BREAKING } else { IMPACT }
+    }
+
+    /// The list that a trigger plays.
+    fn list_of_index(&self, index: u32) -> usize {
+        let own = (index as usize).saturating_add(TRIGGERED);
+        if self.sounds.get(own).is_some_and(|sounds| !sounds.is_empty()) {
+            own
+        } else {
+            self.list_of_energy(f64::INFINITY)
+        }
+    }
+
+    /// Plays the next sound of a list at a frame.
+    fn strike(&mut self, list: usize, segments: u32, amplitude: f64, ratio: f32, frame: i64) {
         let p = &self.params;
-        let breaks = p.break_energy.is_some_and(|limit| energy >= limit) && !self.breaking.is_empty();
-        let (sounds, voices) =
-            if breaks { (&self.breaking, &mut self.breaks) } else { (&self.impacts, &mut self.voices) };
         let [low, high] = p.range.map(|db| 10f64.powf(db / 20.0));
-        let count = self.impact_count;
-        self.impact_count += 1;
-        if sounds.is_empty() || amplitude < low {
+        let count = self.impact_counts[list];
+        self.impact_counts[list] += 1;
+        let sounds = self.sounds[list].len() as u64;
+        if sounds == 0 || amplitude < low {
             return;
         }
         // All sounds occur once before one occurs again; each round has its own order.
-        let (round, place) = (count / sounds.len() as u64, count % sounds.len() as u64);
-        let shift = (self.random.uniform(0, round, 7) * sounds.len() as f64) as u64;
-        let sound = ((place + shift) % sounds.len() as u64) as usize;
-        let segments = if breaks || energy >= p.whole_energy { u32::MAX } else { 1 };
-        voices.begin(sounds, sound as u32, segments, frame, amplitude.min(high) as f32, p.rate.as_f64());
+        let (round, position) = (count / sounds, count % sounds);
+        let shift = (self.random.uniform(list as u32, round, 7) * sounds as f64) as u64;
+        let voice = Voice {
+            list: list as u32,
+            sound: ((position + shift) % sounds) as u32,
+            segments,
+            start: frame,
+            gain: amplitude.min(high) as f32,
+            ratio,
+            stop: None,
+        };
+        self.voices.begin(&self.sounds, voice, p.rate.as_f64());
+    }
+
+    /// Plays an impact at a frame.
+    fn strike_by_energy(&mut self, energy: f64, frame: i64) {
+        let list = self.list_of_energy(energy);
+        let is_whole = list == BREAKING || energy >= self.params.whole_energy;
+        let amplitude = (energy / self.params.energy_ref).sqrt();
+        self.strike(list, if is_whole { u32::MAX } else { 1 }, amplitude, 1.0, frame);
     }
 
     /// Adds the frames from `first` on.
@@ -170,8 +207,7 @@ impl GrainRetarget {
         let block = self.scratch.len() / channels as usize * channels as usize;
         for (k, out) in out.chunks_mut(block.max(1)).enumerate() {
             let at = [first + (k * block) as i64 / channels, channels];
-            self.voices.add(&self.dictionary, &self.impacts, at, &mut self.scratch, out);
-            self.breaks.add(&self.dictionary, &self.breaking, at, &mut self.scratch, out);
+            self.voices.add(&self.dictionary, &self.sounds, at, &mut self.scratch, out);
             self.contacts.add(&self.dictionary, &rules, &self.random, at, &mut self.scratch, out);
         }
     }
@@ -206,14 +242,15 @@ impl GrainRetarget {
                 if !impact.is_valid() {
                     self.not_finite += 1;
                 } else if is_wanted {
-                    let energy = f64::from(impact.energy);
-                    self.strike(energy, (energy / self.params.energy_ref).sqrt(), frame);
+                    self.strike_by_energy(f64::from(impact.energy), frame);
                 }
             } else {
-                let gain = f64::from(triggers[k].1.gain);
+                let trigger = triggers[k].1;
                 k += 1;
-                if gain.is_finite() {
-                    self.strike(f64::INFINITY, gain.abs(), frame);
+                if trigger.is_valid() {
+                    let list = self.list_of_index(trigger.index);
+                    let amplitude = f64::from(trigger.gain).abs();
+                    self.strike(list, u32::MAX, amplitude, trigger.ratio, frame);
                 } else {
                     self.not_finite += 1;
                 }
@@ -230,6 +267,7 @@ impl Node for GrainRetarget {
     const NAME: &'static str = "GrainRetarget";
     const CLASS: Class = Class::Audio;
     const COST: f64 = 30.0;
+    const VERSION: u32 = 2;
 
     fn shape(p: &GrainRetargetParams, s: &mut Shape<'_, '_, GrainRetargetPorts>) -> Result<(), Reject> {
         if p.range[1] < p.range[0] {
@@ -237,13 +275,14 @@ impl Node for GrainRetarget {
                 format!("`range` is {} to {} dB; the smaller gain comes first", p.range[0], p.range[1]);
             return Err(Reject::new("F134", message).at("range"));
         }
-        let has_impacts = s.linked(GrainRetargetPorts::impacts) || s.linked(GrainRetargetPorts::triggers);
+        let has_triggers = s.linked(GrainRetargetPorts::triggers);
+        let has_impacts = s.linked(GrainRetargetPorts::impacts) || has_triggers;
         let has_contacts = s.linked(GrainRetargetPorts::states);
         if !has_impacts && !has_contacts {
             let reject = Reject::new("F150", "nothing plays the grains").at("impacts");
             return Err(reject.help("link `impacts`, `states` or `triggers`"));
         }
-        s.prepare([has_impacts, has_contacts]);
+        s.prepare([has_impacts, has_contacts, has_triggers]);
         s.tail(ticks(p.tail));
         s.output(GrainRetargetPorts::audio, p.rate, Channels(p.channels));
         Ok(())
@@ -259,7 +298,8 @@ impl Node for GrainRetarget {
         let patterns = patterns.as_deref();
         let rules = RepertoireRules { variations: p.variations, spread: p.spread };
         let mut notices = Vec::new();
-        let [has_impacts, has_contacts] = cx.prepared::<[bool; 2]>().map_or([true; 2], |linked| *linked);
+        let [has_impacts, has_contacts, has_triggers] =
+            cx.prepared::<[bool; 3]>().map_or([true; 3], |linked| *linked);
         let mut find = |wanted: &str, kind: SourceKind| {
             if !(if kind == SourceKind::Impulsive { has_impacts } else { has_contacts }) {
                 return Vec::new();
@@ -268,20 +308,24 @@ impl Node for GrainRetarget {
             notices.extend(notice);
             sources
         };
-        let impacts = find(&p.impact.0, SourceKind::Impulsive);
-        let breaking =
-            if p.break_energy.is_some() { find(&p.breaking.0, SourceKind::Impulsive) } else { Vec::new() };
+        let breaking = p.break_energy.map(|_| &p.breaking);
+        let triggered = p.triggered.iter().map(|tags| has_triggers.then_some(tags));
+        let lists = [Some(&p.impact), breaking].into_iter().chain(triggered);
+        let sources_of_lists: Vec<Vec<usize>> = lists
+            .map(|tags| tags.map_or_else(Vec::new, |tags| find(&tags.0, SourceKind::Impulsive)))
+            .collect();
         let kinds = [&p.sliding.0, &p.rolling.0].map(|tags| find(tags, SourceKind::Continuous));
         let contacts = kinds.map(|sources| contact_sounds(&dictionary, patterns, &sources, &rules));
+        let sounds_of =
+            |sources: &Vec<usize>| impact_sounds(&dictionary, patterns, sources, &rules, &cx.random);
+        let sounds: Vec<Vec<ImpactSound>> = sources_of_lists.iter().map(sounds_of).collect();
         let window = cx.items_per_window(p.rate).max(256);
         Ok(Self {
-            impacts: impact_sounds(&dictionary, patterns, &impacts, &rules, &cx.random),
-            breaking: impact_sounds(&dictionary, patterns, &breaking, &rules, &cx.random),
             contacts: ContactPairs::new(p.voices.into(), p.object, contacts),
             random: cx.random,
             voices: ImpactVoices::new(p.voices.into()),
-            breaks: ImpactVoices::new(p.voices.into()),
-            impact_count: 0,
+            impact_counts: vec![0; sounds.len()],
+            sounds,
             not_finite: 0,
             scratch: vec![0.0; window.min(65_536) * usize::from(p.channels)],
             notices,
@@ -303,13 +347,13 @@ impl Node for GrainRetarget {
     fn finish(&mut self, _: GrainRetargetIo<'_>) -> Result<Summary, Fault> {
         let contacts = &self.contacts;
         let mut summary: Summary = vec![
-            ("impacts", self.impact_count.into()),
+            ("impacts", self.impact_counts.iter().sum::<u64>().into()),
             ("contact_frames", contacts.frames.into()),
             ("pairs", contacts.count.into()),
         ];
-        summary.push(("impact_sounds", self.impacts.len().into()));
+        summary.push(("impact_sounds", self.sounds[IMPACT].len().into()));
         for (name, count) in [
-            ("stolen", self.voices.stolen + self.breaks.stolen),
+            ("stolen", self.voices.stolen),
             ("not_finite", self.not_finite + contacts.not_finite),
             ("dropped", contacts.dropped),
         ] {
@@ -336,7 +380,10 @@ impl Node for GrainRetarget {
             new.channels,
             new.rate,
         );
-        if tags != [&new.impact, &new.sliding, &new.rolling, &new.breaking] || numbers != new_numbers {
+        if tags != [&new.impact, &new.sliding, &new.rolling, &new.breaking]
+            || p.triggered != new.triggered
+            || numbers != new_numbers
+        {
             return Retune::Rebuild;
         }
         (p.energy_ref, p.range, p.whole_energy) = (new.energy_ref, new.range, new.whole_energy);
@@ -350,15 +397,15 @@ impl Node for GrainRetarget {
         if self.digest != old.digest {
             return;
         }
-        if self.impacts.len() == old.impacts.len() {
+        if self.sounds.iter().map(Vec::len).eq(old.sounds.iter().map(Vec::len)) {
             self.voices.take_state(&old.voices);
-            self.breaks.take_state(&old.breaks);
         }
         self.contacts.take_state(&old.contacts);
-        (self.impact_count, self.not_finite) = (old.impact_count, old.not_finite);
+        self.impact_counts.iter_mut().zip(&old.impact_counts).for_each(|(new, old)| *new = *old);
+        self.not_finite = old.not_finite;
     }
 
-    archive_state!(voices, breaks, contacts, impact_count, not_finite);
+    archive_state!(voices, contacts, impact_counts, not_finite);
 
     fn trial(rng: &mut Rng) -> (GrainRetargetParams, MemoryFiles) {
         let params = GrainRetargetParams {
@@ -371,6 +418,7 @@ impl Node for GrainRetarget {
             channels: 1 + rng.below(2) as u16,
             tail: rng.between(0.0, 0.3),
             gain: 0.5,
+            triggered: ["trial", "other"][..rng.below(3)].iter().map(|tags| (*tags).into()).collect(),
             ..GrainRetargetParams::trial(rng)
         };
         (params, MemoryFiles::default())

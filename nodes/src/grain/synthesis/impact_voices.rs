@@ -10,18 +10,31 @@ const STOLEN_FADE: f64 = 0.005;
 
 /// A sound that plays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Voice {
-    /// Index of the sound.
-    sound: u32,
+pub struct Voice {
+    /// Index of the list of sounds.
+    pub list: u32,
+    /// Index of the sound in its list.
+    pub sound: u32,
     /// Segments that it has, from the first on.
-    segments: u32,
-    start: i64,
-    gain: f32,
+    pub segments: u32,
+    /// Frame at which it begins.
+    pub start: i64,
+    /// Amplitude factor.
+    pub gain: f32,
+    /// Speed of playback as a factor.
+    pub ratio: f32,
     /// Frame at which a stolen voice is silent.
-    stop: Option<i64>,
+    pub stop: Option<i64>,
 }
 
-/// Plays sounds of impacts, up to a number at a time. Nothing is allocated while it plays.
+impl Voice {
+    /// Its sound in the lists that it was started with.
+    fn sound<'a>(&self, lists: &'a [Vec<ImpactSound>]) -> Option<&'a ImpactSound> {
+        lists.get(self.list as usize)?.get(self.sound as usize)
+    }
+}
+
+/// Plays sounds of impacts, up to a number at a time, each of one of several lists. Nothing is allocated while it plays.
 #[derive(Debug)]
 pub struct ImpactVoices {
     voices: Vec<Voice>,
@@ -39,30 +52,23 @@ impl ImpactVoices {
         Self { voices: Vec::with_capacity(2 * max.max(1)), max: max.max(1), stolen: 0 }
     }
 
-    /// Copies the voices of another player of the same sounds.
+    /// Copies the voices of another player of the same lists.
     pub fn take_state(&mut self, old: &Self) {
         self.voices.clear();
         self.voices.extend(old.voices.iter().take(2 * self.max).copied());
         self.stolen = old.stolen;
     }
 
-    /// Starts a sound, or its first segments only; the voice that began first ends for it if there are too many.
-    pub fn begin(
-        &mut self,
-        sounds: &[ImpactSound],
-        sound: u32,
-        segments: u32,
-        start: i64,
-        gain: f32,
-        rate: f64,
-    ) {
-        self.forget(sounds, start);
+    /// Starts a voice; the one that began first ends for it if there are too many.
+    pub fn begin(&mut self, lists: &[Vec<ImpactSound>], voice: Voice, rate: f64) {
+        let start = voice.start;
+        self.forget(lists, start);
         let sounding = self.voices.iter().filter(|v| v.stop.is_none()).count();
         if sounding >= self.max {
             self.stolen += 1;
-            let quietest = self.voices.iter_mut().filter(|v| v.stop.is_none());
-            if let Some(voice) = quietest.min_by(|a, b| a.start.cmp(&b.start).then(a.gain.total_cmp(&b.gain)))
-            {
+            let sounding = self.voices.iter_mut().filter(|v| v.stop.is_none());
+            let first = sounding.min_by(|a, b| a.start.cmp(&b.start).then(a.gain.total_cmp(&b.gain)));
+            if let Some(voice) = first {
                 voice.stop = Some(start + (STOLEN_FADE * rate) as i64);
             }
         }
@@ -70,7 +76,7 @@ impl ImpactVoices {
             let fading = self.voices.iter().position(|v| v.stop.is_some()).unwrap_or(0);
             self.voices.remove(fading);
         }
-        self.voices.push(Voice { sound, segments, start, gain, stop: None });
+        self.voices.push(voice);
     }
 
     /// Adds the frames from `first` on.
@@ -80,7 +86,7 @@ impl ImpactVoices {
     pub fn add(
         &mut self,
         dictionary: &GrainDictionary,
-        sounds: &[ImpactSound],
+        lists: &[Vec<ImpactSound>],
         [first, channels]: [i64; 2],
         scratch: &mut [f32],
         out: &mut [f32],
@@ -88,15 +94,15 @@ impl ImpactVoices {
         let width = channels.max(1) as usize;
         let end = first + (out.len() / width) as i64;
         for voice in &self.voices {
-            let Some(sound) = sounds.get(voice.sound as usize) else { continue };
+            let Some(sound) = voice.sound(lists) else { continue };
             let all =
                 sound.segments.get(..(voice.segments as usize).min(sound.segments.len())).unwrap_or_default();
-            let in_window = |s: &&GrainSegment| voice.start + s.start < end && voice.start + s.end() > first;
-            for segment in all.iter().filter(in_window) {
+            let in_window = |s: &GrainSegment| voice.start + s.start < end && voice.start + s.end() > first;
+            for segment in all.iter().map(|s| s.at_speed(voice.ratio)).filter(in_window) {
                 let placed = GrainSegment {
                     start: voice.start + segment.start,
                     gain: voice.gain * segment.gain,
-                    ..*segment
+                    ..segment
                 };
                 let Some(stop) = voice.stop else {
                     placed.add(dictionary, first, width, out);
@@ -112,14 +118,15 @@ impl ImpactVoices {
                 }
             }
         }
-        self.forget(sounds, end);
+        self.forget(lists, end);
     }
 
     /// Removes the voices that have ended.
-    fn forget(&mut self, sounds: &[ImpactSound], now: i64) {
+    fn forget(&mut self, lists: &[Vec<ImpactSound>], now: i64) {
         self.voices.retain(|v| {
-            let frames = sounds.get(v.sound as usize).map_or(0, |s| s.frames);
-            v.start + frames > now && v.stop.is_none_or(|stop| stop > now)
+            let frames = v.sound(lists).map_or(0, |s| s.frames);
+            let end = v.start + (frames as f64 / f64::from(v.ratio)).round() as i64;
+            end > now && v.stop.is_none_or(|stop| stop > now)
         });
     }
 }

@@ -85,6 +85,34 @@ impl GrainSegment {
         self.start + i64::from(self.len)
     }
 
+    /// The segment in a sound that begins at frame 0 and is played `ratio` times as fast.
+    ///
+    /// Ends and fades are rounded in the time of the output, so that segments that overlap in a fade still do.
+    #[must_use]
+    pub fn at_speed(&self, ratio: f32) -> Self {
+        if ratio == 1.0 {
+            return *self;
+        }
+        let ratio = f64::from(ratio);
+        let output = |frame: i64| (frame as f64 / ratio).round() as i64;
+        let (start, end) = (output(self.start), output(self.end()));
+        let [fade_in, fade_out] = self.fades;
+        let lens = [
+            output(self.start + i64::from(fade_in.len)) - start,
+            end - output(self.end() - i64::from(fade_out.len)),
+        ];
+        // The sample that belongs to the rounded start.
+        let moved = (start as f64 * ratio - self.start as f64) * f64::from(self.ratio);
+        Self {
+            from: (i64::from(self.from) + moved.round() as i64).max(0) as u32,
+            start,
+            len: (end - start).max(0) as u32,
+            fades: [Fade { len: lens[0] as u32, ..fade_in }, Fade { len: lens[1] as u32, ..fade_out }],
+            ratio: (f64::from(self.ratio) * ratio) as f32,
+            ..*self
+        }
+    }
+
     /// Adds the frames from `first` on to the output. Grains of more channels than the output are averaged.
     ///
     /// # Shapes
@@ -378,6 +406,35 @@ mod tests {
         let (own, copied) = (play(1), play(copy));
         assert!(own.iter().zip(&copied).all(|(x, y)| (x - y).abs() < 1e-6));
         assert!(!GrainDictionary::are_neighbours(&first, &dictionary.grains[copy]));
+    }
+
+    #[test]
+    fn a_joined_sound_at_twice_the_speed_has_every_second_sample() {
+        let dictionary = trial_dictionary();
+        let of_first = dictionary.grains.iter().filter(|g| g.source == 0 && g.run == 0);
+        let first = dictionary.grains[0].window_start() as i64;
+        let steps: Vec<GrainStep> =
+            of_first.enumerate().map(|(k, g)| step(k, g.window_start() as i64 - first)).collect();
+        let all = segments(&dictionary, &steps);
+        let end = all.last().unwrap().end() as usize;
+        let plain = render(&dictionary, &all, end, end);
+        let fast: Vec<GrainSegment> = all.iter().map(|s| s.at_speed(2.0)).collect();
+        let half = end.div_ceil(2);
+        assert!(fast.iter().all(|s| s.end() <= half as i64));
+        let sound = render(&dictionary, &fast, half, half);
+        let inner = 20..half - 30;
+        assert!(inner.clone().any(|k| sound[k].abs() > 0.01));
+        for k in inner {
+            assert!((sound[k] - plain[2 * k]).abs() < 1e-5, "{k}: {} {}", sound[k], plain[2 * k]);
+        }
+        assert_eq!(all.iter().map(|s| s.at_speed(1.0)).collect::<Vec<_>>(), all);
+        for pair in all.windows(2) {
+            for ratio in [0.3, 0.7, 1.4, 3.0] {
+                let [a, b] = [&pair[0], &pair[1]].map(|s| s.at_speed(ratio));
+                assert_eq!(a.end() - i64::from(a.fades[1].len), b.start, "{ratio}");
+                assert_eq!(a.fades[1].len, b.fades[0].len, "{ratio}");
+            }
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@ use super::*;
 use crate::core::computation::NotStored;
 use crate::core::feed::Feed;
 use crate::core::item::{AnyValue, Event};
-use crate::core::standalone::Standalone;
+use crate::core::standalone::{Standalone, StandaloneRun};
 use crate::grain::correlation::{CorrelateRules, correlate};
 use crate::grain::dictionary::{ExtractRules, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 
 const RATE: f64 = 16_000.0;
 
-/// Three knocks, and a rub with a steady tone of 800 Hz and a noise.
+/// Three knocks, lower and higher ones, and a rub with a steady tone of 800 Hz and a noise.
 fn recordings() -> GrainRecordings {
     let mut rng = Rng::new(1);
     let mut knock = |k: usize| {
@@ -23,7 +23,7 @@ fn recordings() -> GrainRecordings {
         };
         GrainRecording {
             name: format!("knock_{k}.wav"),
-            tags: vec!["knock".into()],
+            tags: vec!["knock".into(), ["low", "middle", "high"][k].into()],
             parts: vec![Part {
                 component: Component::Whole,
                 channels: vec![(0..6000).map(sample).collect()],
@@ -271,4 +271,109 @@ fn tags_without_recordings_are_replaced_with_a_warning_and_events_are_needed() {
     assert!(rms(&run.stream(GrainRetargetPorts::audio)) > 0.001);
     assert!(run.summary.iter().any(|(n, text)| *n == "warning" && text.to_string().contains("knock stone")));
     assert!(standalone(p).shape().unwrap_err().message.contains("nothing plays"));
+}
+
+/// A run with triggers at times in s.
+fn triggered(p: GrainRetargetParams, triggers: &[(f64, Trigger)], window: f64) -> StandaloneRun {
+    let end = triggers.last().map_or(0.0, |t| t.0) + 0.1;
+    let events = triggers.iter().map(|(t, trigger)| (ticks(*t), *trigger)).collect();
+    let port = GrainRetargetPorts::triggers.index();
+    standalone(p).feed(port, Feed::events(events, ticks(end))).window(ticks(window)).run().unwrap()
+}
+
+/// The sound of one trigger.
+fn one_trigger(p: &GrainRetargetParams, trigger: Trigger) -> Vec<f32> {
+    triggered(p.clone(), &[(0.0, trigger)], 0.05).stream(GrainRetargetPorts::audio)
+}
+
+#[test]
+fn the_index_of_a_trigger_selects_the_tags() {
+    let tags = |tags: &str| GrainRetargetParams { impact: tags.into(), variations: 1, ..params() };
+    let p = GrainRetargetParams { triggered: vec!["low".into(), "high".into()], ..tags("knock middle") };
+    let of = |index: u32| one_trigger(&p, Trigger { index, ..Trigger::of(1.0) });
+    let [low, middle, high] =
+        ["knock low", "knock middle", "knock high"].map(|t| one_trigger(&tags(t), Trigger::of(1.0)));
+    assert!(low != middle && middle != high && rms(&low) > 0.001);
+    assert!(of(0) == low && of(1) == high);
+    // An impact is played by an index beyond the list, and without a list.
+    assert!(of(2) == middle && of(u32::MAX) == middle);
+    let other = Trigger { index: 1, ..Trigger::of(1.0) };
+    assert!(one_trigger(&tags("knock middle"), other) == middle);
+}
+
+#[test]
+fn a_trigger_without_index_and_ratio_is_the_impact_of_its_amplitude() {
+    let p = GrainRetargetParams { energy_ref: 0.5, ..params() };
+    let hits = [(0.0, 0.5), (0.3, 0.5), (0.35, 0.5), (0.9, 0.5)];
+    let taps = hits.map(|(t, _)| (t, Trigger::of(1.0)));
+    let audio = triggered(p.clone(), &taps, 0.05).stream(GrainRetargetPorts::audio);
+    assert!(rms(&audio) > 0.01 && audio == struck(p, &hits, false));
+}
+
+#[test]
+fn a_ratio_of_two_halves_the_duration_and_raises_an_octave() {
+    let p = GrainRetargetParams { impact: "knock low".into(), variations: 1, ..params() };
+    let [slow, plain, fast] =
+        [0.5, 1.0, 2.0].map(|ratio| one_trigger(&p, Trigger { ratio, ..Trigger::of(1.0) }));
+    let frames = |x: &[f32]| x.iter().rposition(|x| *x != 0.0).map_or(0, |k| k + 1);
+    assert!(frames(&plain).abs_diff(2 * frames(&fast)) <= 4, "{} {}", frames(&plain), frames(&fast));
+    assert!(frames(&slow).abs_diff(2 * frames(&plain)) <= 4, "{} {}", frames(&slow), frames(&plain));
+    let difference = |a: &[f32], b: &[f32]| {
+        let apart: Vec<f32> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+        rms(&apart) / rms(a)
+    };
+    let every_second = |x: &[f32]| x.iter().copied().step_by(2).collect::<Vec<f32>>();
+    let n = frames(&fast) - 40;
+    let fast_error = difference(&fast[40..n], &every_second(&plain)[40..n]);
+    let slow_error = difference(&plain[40..n], &every_second(&slow)[40..n]);
+    assert!(fast_error < 0.02 && slow_error < 0.02, "{fast_error} {slow_error}");
+}
+
+#[test]
+fn triggers_of_any_ratio_have_the_same_samples_in_windows_of_any_length() {
+    let p = GrainRetargetParams {
+        voices: 2,
+        break_energy: Some(0.1),
+        breaking: "middle".into(),
+        triggered: vec!["low".into(), "high".into()],
+        ..params()
+    };
+    let taps: Vec<(f64, Trigger)> = (0..12)
+        .map(|k| {
+            let ratio = [1.0, 0.7, 2.0, 0.0625, 3.1][k as usize % 5];
+            (0.083 * f64::from(k), Trigger { gain: 0.5, index: k % 3, ratio })
+        })
+        .collect();
+    let whole = triggered(p.clone(), &taps, 0.25);
+    assert!(rms(&whole.stream(GrainRetargetPorts::audio)) > 0.01);
+    assert!(whole.summary.iter().any(|(name, _)| *name == "stolen"));
+    for window in [0.002, 0.0131, 0.1] {
+        let other = triggered(p.clone(), &taps, window);
+        assert!(
+            other.stream(GrainRetargetPorts::audio) == whole.stream(GrainRetargetPorts::audio),
+            "{window}"
+        );
+    }
+}
+
+#[test]
+fn invalid_triggers_are_counted_and_silent() {
+    let one = Trigger::of(1.0);
+    let wrong = [0.0, -1.0, 17.0, f32::NAN, f32::INFINITY].map(|ratio| Trigger { ratio, ..one });
+    let gain = Trigger { gain: f32::NAN, ..one };
+    let taps: Vec<(f64, Trigger)> = wrong.into_iter().chain([gain]).map(|trigger| (0.1, trigger)).collect();
+    let run = triggered(params(), &taps, 0.05);
+    assert!(run.stream(GrainRetargetPorts::audio).iter().all(|x| *x == 0.0));
+    let count = |name: &str| run.summary.iter().find(|(n, _)| *n == name).and_then(|(_, v)| v.as_u64());
+    assert_eq!((count("not_finite"), count("impacts")), (Some(6), Some(0)));
+}
+
+#[test]
+fn tags_of_triggers_without_recordings_are_replaced_with_a_warning() {
+    let p = GrainRetargetParams { triggered: vec!["low".into(), "low gong".into()], ..params() };
+    let run = triggered(p, &[(0.0, Trigger { index: 1, ..Trigger::of(1.0) })], 0.05);
+    assert!(rms(&run.stream(GrainRetargetPorts::audio)) > 0.001);
+    let warnings =
+        run.summary.iter().filter(|(name, text)| *name == "warning" && text.to_string().contains("low gong"));
+    assert_eq!(warnings.count(), 1);
 }
