@@ -1,6 +1,7 @@
-//! Grain dictionaries and correlation patterns: rejected, or valid values that are written as they were read.
+//! Grain dictionaries, correlation patterns and models of patterns: rejected, or valid values that are written as they were read.
 #![no_main]
 
+use foley_nodes::grain::statistics::PatternModel;
 use foley_nodes::grain::{CorrelationPatterns, GrainDictionary};
 use libfuzzer_sys::fuzz_target;
 
@@ -11,5 +12,8 @@ fuzz_target!(|bytes: &[u8]| {
     }
     if let Ok(patterns) = CorrelationPatterns::from_bytes(bytes) {
         assert!(patterns.check_order().is_ok());
+    }
+    if let Ok(model) = PatternModel::from_bytes(bytes) {
+        assert!(model.validate().is_ok());
     }
 });

@@ -353,10 +353,11 @@ fn ranges_include_their_ends_and_nothing_outside() {
     }
 }
 
-/// Returns true if no output stream has the item type of an input stream.
+/// Returns true if no output stream has the item type of an input stream that is always there.
 fn makes_another_kind(ty: &NodeType) -> bool {
     let streams = |port: &&PortSpec| matches!(port.kind, PortKind::Stream(_));
-    let given = |out: &PortSpec| ty.inputs.iter().any(|port| port.kind.feeds(&out.kind));
+    let is_required = |port: &&PortSpec| port.arity != Arity::Optional;
+    let given = |out: &PortSpec| ty.inputs.iter().filter(is_required).any(|port| port.kind.feeds(&out.kind));
     !ty.outputs.iter().filter(streams).any(given)
 }
 

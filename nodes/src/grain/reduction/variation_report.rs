@@ -196,7 +196,7 @@ impl Func for VariationReport {
                 let dots = |x: &[f64]| x.iter().enumerate().map(|(k, y)| [k as f64, *y]).collect::<Vec<_>>();
                 let ends = vec![[0.0, limit], [all.len().saturating_sub(1) as f64, limit]];
                 let axis = ("impact", false);
-                let correlation = vec![Line::dots("with the impact before", dots(&figures.correlations))];
+                let correlation = vec![Line::dots("impacts", dots(&figures.correlations))];
                 let distances =
                     vec![Line::dots("impacts", dots(&figures.distances)), Line::new("recordings", ends)];
                 table.charts = vec![

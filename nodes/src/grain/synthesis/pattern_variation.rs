@@ -72,6 +72,7 @@ impl Func for PatternVariation {
     type Params = PatternVariationParams;
     type Ports = PatternVariationPorts;
     const NAME: &'static str = "PatternVariation";
+    const VERSION: u32 = 2;
 
     fn eval(
         p: &PatternVariationParams,

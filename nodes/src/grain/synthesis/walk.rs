@@ -250,16 +250,21 @@ pub fn varied(
         while onsets.last().is_some_and(|t| *t < start) {
             onsets.pop();
         }
-        let onset = onsets.last().copied().filter(|t| *t <= start + half);
-        let (mut low, mut high) = match onset {
-            Some(t) => (t - half / 2, t + half / 2),
-            None => (start, start + half),
-        };
+        let mut onset = onsets.last().copied().filter(|t| *t <= start + half);
+        let around = |t: i64| (t - half / 2, t + half / 2);
+        let (mut low, mut high) = onset.map_or((start, start + half), around);
         let chosen = loop {
             if let Some(peak) = draw(between(pattern, low, high), rules, uniform(index, 0)) {
                 break peak;
             }
-            (low, high) = (low - i64::from(onset.is_some()) * half, high + half);
+            match onsets.last() {
+                // Nothing begins before the next onset.
+                Some(t) if onset.is_none() && *t <= high + half => {
+                    onset = Some(*t);
+                    (low, high) = around(*t);
+                }
+                _ => (low, high) = (low - i64::from(onset.is_some()) * half, high + half),
+            }
         };
         let jitter = if onset.is_some() { 0.0 } else { rules.jitter * (2.0 * uniform(index, 1) - 1.0) };
         let level = 10f64.powf(rules.level * (2.0 * uniform(index, 2) - 1.0) / 20.0) as f32;

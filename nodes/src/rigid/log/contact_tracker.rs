@@ -377,8 +377,15 @@ impl<'a> ContactTracker<'a> {
                 return Some(approach);
             }
             let velocity = |k: usize| {
-                let before = motion(k, tick - self.step)?;
-                let position = add(before.position, scale(before.velocity, since));
+                let (before, now) = (motion(k, tick - self.step)?, motion(k, tick)?);
+                let then = add(before.position, scale(before.velocity, since));
+                // Logs have the point of the contact itself, or that of the end of the frame: it belongs to the centre that is nearer along the surface.
+                let distance = |centre: Vec3| {
+                    let offset = sub(new.row.point, centre);
+                    norm(sub(offset, scale(normal, dot(offset, normal))))
+                };
+                let is_of_contact = distance(then) <= distance(now.position);
+                let position = if is_of_contact { then } else { now.position };
                 Some(Motion { position, ..before }.velocity_at(new.row.point))
             };
             let relative = sub(velocity(1)?, velocity(0)?);

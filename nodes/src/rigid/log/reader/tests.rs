@@ -178,7 +178,8 @@ const FORCES: &str = "time,a,b,px,py,pz,nx,ny,nz,force\n";
 fn a_bounce_has_the_speed_and_the_time_of_its_contact_at_any_rate() {
     // A ball that spins falls on the ground at 0.412 s and rebounds.
     let (radius, contact, fall, rebound, along, spin) = (0.1, 0.412, 3.0, 1.8, 4.0, 60.0);
-    for rate in [60.0, 240.0] {
+    // The log has the point at the end of the frame, or that of the contact.
+    for (rate, is_late) in [(60.0, true), (60.0, false), (240.0, true), (240.0, false)] {
         let (mut poses, mut rows) = (POSES.to_owned(), FORCES.to_owned());
         for k in 0..(0.6 * rate) as u32 {
             let t = f64::from(k) / rate;
@@ -193,7 +194,7 @@ fn a_bounce_has_the_speed_and_the_time_of_its_contact_at_any_rate() {
             if (0.0..1.0 / rate).contains(&since) {
                 // The mean force of the frame, without gravity.
                 let force = 0.4 * (fall + rebound) * rate;
-                rows += &format!("{t},0,1,{},0,0,0,0,1,{force}\n", along * t);
+                rows += &format!("{t},0,1,{},0,0,0,0,1,{force}\n", along * if is_late { t } else { contact });
             }
         }
         let options = LogOptions { masses: vec![0.0, 0.4], rate: Some(rate), ..LogOptions::default() };
