@@ -3,6 +3,7 @@
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
+use crate::dsp::db_to_linear;
 use crate::grain::dictionary::{Grain, GrainDictionary};
 use crate::grain::recording::{Component, SourceKind};
 use serde::{Deserialize, Serialize};
@@ -43,7 +44,7 @@ pub(super) fn gain_steps(gain: f64) -> i16 {
 
 /// The gain of a number of steps.
 pub(super) fn gain_of_steps(steps: i16) -> f32 {
-    10f64.powf(f64::from(steps) * GAIN_STEP / 20.0) as f32
+    db_to_linear(f64::from(steps) * GAIN_STEP) as f32
 }
 
 /// A gain as it is stored: in steps of 1/256 dB.

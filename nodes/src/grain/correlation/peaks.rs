@@ -1,6 +1,7 @@
 //! Peaks of the normalised cross-correlation of one grain.
 
 use super::transform::Blocks;
+use crate::dsp::db_to_linear;
 
 /// What a correlation is divided by, and when it is 0.
 #[derive(Clone, Debug)]
@@ -25,7 +26,7 @@ impl Normaliser {
             energy.push(sum);
         }
         let peak = x.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
-        let floor = (f64::from(peak) * 10f64.powf(floor_db / 20.0)).max(1e-6);
+        let floor = (f64::from(peak) * db_to_linear(floor_db)).max(1e-6);
         Self { energy, floor, global: is_global.then(|| sum.sqrt()) }
     }
 

@@ -117,21 +117,22 @@ fn neighbours(points: &[[f64; DIMS]], lengths: &[usize], count: usize) -> Vec<[u
     pairs
 }
 
-/// Transforms of pairs of grains, by the samples of the longer one.
-struct Correlator {
+/// Transforms of pairs of sounds.
+pub(super) struct Correlator {
     size: usize,
     forward: Arc<dyn RealToComplex<f32>>,
     inverse: Arc<dyn ComplexToReal<f32>>,
 }
 
 impl Correlator {
-    fn new(longest: usize) -> Self {
-        let size = (longest + (LAG * longest as f64).ceil() as usize + 1).next_power_of_two().max(16);
+    /// For sounds of up to `longest` samples at shifts of up to `reach`.
+    pub fn new(longest: usize, reach: usize) -> Self {
+        let size = (longest + reach + 1).next_power_of_two().max(16);
         let mut planner = RealFftPlanner::<f32>::new();
         Self { size, forward: planner.plan_fft_forward(size), inverse: planner.plan_fft_inverse(size) }
     }
 
-    fn spectrum(&self, x: &[f32]) -> Vec<Complex<f32>> {
+    pub fn spectrum(&self, x: &[f32]) -> Vec<Complex<f32>> {
         let (mut input, mut out) = (self.forward.make_input_vec(), self.forward.make_output_vec());
         input.iter_mut().zip(x).for_each(|(y, x)| *y = *x);
         // Lengths agree by construction.
@@ -142,7 +143,7 @@ impl Correlator {
     }
 
     /// The shift of `b` after `a`, of up to `reach` samples either way, at which the magnitude of `sum_n a[n + lag] b[n]` is greatest.
-    fn best(&self, a: &[Vec<Complex<f32>>], b: &[Vec<Complex<f32>>], reach: usize) -> (i32, f32) {
+    pub fn best(&self, a: &[Vec<Complex<f32>>], b: &[Vec<Complex<f32>>], reach: usize) -> (i32, f32) {
         let (mut product, mut out) = (self.inverse.make_input_vec(), self.inverse.make_output_vec());
         for (a, b) in a.iter().zip(b) {
             product.iter_mut().zip(a.iter().zip(b)).for_each(|(p, (x, y))| *p += x * y.conj());
@@ -216,7 +217,8 @@ fn pairs_of_group(
     let lengths: Vec<usize> = group.iter().map(|k| dictionary.grains[*k].window_len()).collect();
     let points = grain_features(dictionary, group);
     let candidates = neighbours(&points, &lengths, count);
-    let correlator = Correlator::new(lengths.last().copied().unwrap_or(0));
+    let longest = lengths.last().copied().unwrap_or(0);
+    let correlator = Correlator::new(longest, (LAG * longest as f64).ceil() as usize);
     let channels = group.first().map_or(1, |k| dictionary.channels(&dictionary.grains[*k]));
     let spectra = |k: usize| -> Vec<Vec<Complex<f32>>> {
         let grain = &dictionary.grains[group[k]];

@@ -1,23 +1,23 @@
 //! How impacts of grains differ from each other and from recordings.
 
+use super::similarity::Correlator;
 use crate::core::random::Random;
 use crate::core::time::Rate;
+use crate::dsp::{Weighting, weighted_rms};
 use crate::feature::{FeatureConventions, MelCepstrum};
 use crate::grain::correlation::CorrelationPatterns;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::SourceKind;
-use crate::grain::synthesis::{GrainSegment, RepertoireRules, impact_sounds, sources_of};
+use crate::grain::synthesis::{ImpactSound, RepertoireRules, impact_sounds, rendered, sources_of};
 use crate::material::estimation::linear::inverse;
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex;
 
 /// The sound of an impact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderedImpact {
-    /// Its samples, channels averaged.
+    /// Its samples, channels averaged, with unit energy.
     pub samples: Vec<f32>,
-    /// Sum of their squares.
-    pub energy: f64,
+    /// K-weighted level of its energy, dB.
+    pub loudness: f64,
 }
 
 /// The first impacts that are played for the recordings with some tags.
@@ -32,51 +32,34 @@ pub fn rendered_impacts(
 ) -> Vec<RenderedImpact> {
     let (sources, _) = sources_of(dictionary, tags, SourceKind::Impulsive);
     let sounds = impact_sounds(dictionary, Some(patterns), &sources, rules, random);
-    let event = |segments: &[GrainSegment], frames: i64| {
-        let mut samples = vec![0.0; frames.max(0) as usize];
-        segments.iter().for_each(|s| s.add(dictionary, 0, 1, &mut samples));
-        let energy = samples.iter().map(|x| f64::from(*x).powi(2)).sum();
-        RenderedImpact { samples, energy }
+    let impact = |sound: &ImpactSound| {
+        let (samples, energy) = rendered(dictionary, &sound.segments);
+        let weighted = weighted_rms(&samples, dictionary.rate, Weighting::K).powi(2) * samples.len() as f64;
+        RenderedImpact { samples, loudness: 10.0 * (weighted * energy).max(1e-30).log10() }
     };
-    sounds.iter().take(count).map(|sound| event(&sound.segments, sound.frames)).collect()
+    sounds.iter().take(count).map(impact).collect()
 }
 
 /// Greatest shift at which two sounds are compared, s.
 const SHIFT: f64 = 0.01;
 
-/// Greatest normalised cross-correlation of two sounds at any shift of up to 10 ms; both continue with zeros.
+/// Magnitude of the greatest cross-correlation of each sound with the one before, at any shift of up to 10 ms; all have unit energy, and continue
+/// with zeros.
 ///
 /// # Complexity
-/// O(n log n).
+/// Two transforms for each sound.
 #[must_use]
-pub fn largest_shifted_correlation(a: &[f32], b: &[f32], rate: f64) -> f64 {
+pub fn successive_correlations<'a>(sounds: impl Iterator<Item = &'a [f32]> + Clone, rate: f64) -> Vec<f64> {
     let reach = (SHIFT * rate) as usize;
-    let size = (a.len().max(b.len()) + reach + 1).next_power_of_two().max(16);
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
-    let spectrum = |x: &[f32]| -> Vec<Complex<f64>> {
-        let (mut input, mut out) = (forward.make_input_vec(), forward.make_output_vec());
-        input.iter_mut().zip(x).for_each(|(y, x)| *y = f64::from(*x));
-        // Lengths agree by construction.
-        if forward.process(&mut input, &mut out).is_err() {
-            out.fill(Complex::default());
-        }
-        out
-    };
-    let mut product: Vec<Complex<f64>> =
-        spectrum(a).iter().zip(spectrum(b)).map(|(a, b)| a * b.conj()).collect();
-    let mut out = inverse.make_output_vec();
-    // The first and the last bin of real signals are real.
-    for k in [0, size / 2] {
-        product[k].im = 0.0;
+    let correlator = Correlator::new(sounds.clone().map(<[f32]>::len).max().unwrap_or(0), reach);
+    let mut before: Option<[_; 1]> = None;
+    let mut all = Vec::new();
+    for x in sounds {
+        let spectrum = [correlator.spectrum(x)];
+        all.extend(before.map(|before| f64::from(correlator.best(&before, &spectrum, reach).1.abs())));
+        before = Some(spectrum);
     }
-    if inverse.process(&mut product, &mut out).is_err() {
-        return 0.0;
-    }
-    let energy = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
-    let norm = (energy(a) * energy(b)).sqrt() * size as f64;
-    let near = out[..=reach].iter().chain(&out[size - reach..]);
-    if norm > 0.0 { near.fold(0.0, |best: f64, x| best.max(x / norm)) } else { 0.0 }
+    all
 }
 
 /// Cepstral coefficients of a frame.
@@ -208,30 +191,27 @@ mod tests {
         (0..n).map(&mut sample).collect()
     }
 
-    #[test]
-    fn shifted_copies_correlate_fully_and_others_do_not() {
-        let x = noise(5000, 1, 1.0);
-        let shifted: Vec<f32> = std::iter::repeat_n(0.0, 70).chain(x.iter().map(|x| 0.3 * x)).collect();
-        for (a, b) in [(&x, &shifted), (&shifted, &x)] {
-            assert!((largest_shifted_correlation(a, b, 16_000.0) - 1.0).abs() < 1e-6);
-        }
-        // 70 samples are more than 10 ms at this rate.
-        assert!(largest_shifted_correlation(&x, &shifted, 4000.0) < 0.3);
-        assert!(largest_shifted_correlation(&x, &noise(5000, 2, 1.0), 16_000.0) < 0.2);
-        assert_eq!(largest_shifted_correlation(&x, &[0.0; 10], 16_000.0), 0.0);
+    /// With unit energy.
+    fn unit(x: &[f32]) -> Vec<f32> {
+        let energy = x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+        x.iter().map(|x| (f64::from(*x) / energy.sqrt()) as f32).collect()
+    }
+
+    fn correlation(a: &[f32], b: &[f32], rate: f64) -> f64 {
+        successive_correlations([unit(a), unit(b)].iter().map(Vec::as_slice), rate)[0]
     }
 
     #[test]
-    fn the_direct_sum_gives_the_same_correlation() {
-        let (a, b) = (noise(300, 3, 0.4), noise(250, 4, 0.4));
-        let energy = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
-        let at = |lag: i64| -> f64 {
-            let sample =
-                |i: i64| usize::try_from(i).ok().and_then(|i| b.get(i)).map_or(0.0, |x| f64::from(*x));
-            a.iter().zip(0..).map(|(x, i)| f64::from(*x) * sample(i - lag)).sum()
-        };
-        let direct = (-20..=20).map(at).fold(0.0, f64::max) / (energy(&a) * energy(&b)).sqrt();
-        assert!((largest_shifted_correlation(&a, &b, 2000.0) - direct).abs() < 1e-9);
+    fn shifted_copies_correlate_fully_and_others_do_not() {
+        let x = noise(5000, 1, 1.0);
+        let shifted: Vec<f32> = std::iter::repeat_n(0.0, 70).chain(x.iter().map(|x| -0.3 * x)).collect();
+        for (a, b) in [(&x, &shifted), (&shifted, &x)] {
+            assert!((correlation(a, b, 16_000.0) - 1.0).abs() < 1e-5);
+        }
+        // 70 samples are more than 10 ms at this rate.
+        assert!(correlation(&x, &shifted, 4000.0) < 0.3);
+        assert!(correlation(&x, &noise(5000, 2, 1.0), 16_000.0) < 0.2);
+        assert_eq!(successive_correlations([&[0.0; 10][..], &[0.0; 3]].into_iter(), 16_000.0), [0.0]);
     }
 
     #[test]

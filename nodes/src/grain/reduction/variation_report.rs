@@ -1,6 +1,6 @@
 //! The node `VariationReport`.
 
-use super::variation::{FrameCloud, RenderedImpact, largest_shifted_correlation, rendered_impacts};
+use super::variation::{FrameCloud, RenderedImpact, rendered_impacts, successive_correlations};
 use super::{reduced, retained_grains};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
@@ -21,8 +21,8 @@ params! {
     /// Compares the impacts that a `GrainRetarget` plays for one energy with each other and with the recordings.
     ///
     /// `table` has a row for all grains and for each share of their bytes, as chosen by `GrainSubset`: the bytes of grains and patterns, those
-    /// that the different impacts would have as 16-bit samples, the greatest normalised cross-correlation of successive impacts at any shift
-    /// of up to 10 ms, and the range of their levels. A distance is the mean Mahalanobis distance of the mel cepstra of the frames of an
+    /// that the different impacts would have as 16-bit samples, the magnitude of the greatest normalised cross-correlation of successive impacts
+    /// at any shift of up to 10 ms, and the range of their K-weighted loudness. A distance is the mean Mahalanobis distance of the mel cepstra of the frames of an
     /// impact, 12 coefficients without loudness, from those of all recordings of the tags. Its limit is the greatest distance of a recording
     /// from the others.
     ///
@@ -32,7 +32,7 @@ params! {
     /// The impacts, as those of `GrainRetarget`.
     ///
     /// # Complexity
-    /// One transform for each pair of successive impacts, and one for each 10 ms of them.
+    /// Two transforms for each impact, and one for each 10 ms of it.
     pub struct VariationReportParams {
         /// Tags of the recordings.
         impact: Text = "".into();
@@ -73,27 +73,24 @@ pub struct VariationReport;
 
 /// Figures of the impacts of one dictionary.
 struct Figures {
-    /// Correlation of each with the one before; the first one has none.
+    /// Correlation of each with the one before, without the first one.
     correlations: Vec<f64>,
     /// Distance of each from the recordings.
     distances: Vec<f64>,
-    levels: Vec<f64>,
 }
 
 impl Figures {
     fn of(all: &[RenderedImpact], rate: f64, cloud: &FrameCloud) -> Self {
-        let correlation =
-            |w: &[RenderedImpact]| largest_shifted_correlation(&w[0].samples, &w[1].samples, rate);
         Self {
-            correlations: all.windows(2).map(correlation).collect(),
-            distances: all.iter().map(|event| cloud.distance(&event.samples, rate)).collect(),
-            levels: all.iter().map(|event| 10.0 * event.energy.max(1e-30).log10()).collect(),
+            correlations: successive_correlations(all.iter().map(|impact| impact.samples.as_slice()), rate),
+            distances: all.iter().map(|impact| cloud.distance(&impact.samples, rate)).collect(),
         }
     }
 }
 
-fn greatest(x: &[f64]) -> f64 {
-    x.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+/// Least and greatest of some numbers.
+fn extremes(x: impl Iterator<Item = f64>) -> [f64; 2] {
+    x.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
 }
 
 impl Func for VariationReport {
@@ -131,12 +128,12 @@ impl Func for VariationReport {
             "bytes_of_impacts",
             "mean_correlation",
             "largest_correlation",
-            "level_range_db",
+            "loudness_range_db",
             "largest_distance",
             "limit",
             "outside",
         ]);
-        let mut impacts = ResultTable::new(&["impact", "seconds", "level_db", "correlation", "distance"]);
+        let mut impacts = ResultTable::new(&["impact", "seconds", "loudness_db", "correlation", "distance"]);
         let is_chosen =
             |pattern: &crate::grain::Pattern| found.iter().any(|k| impulsive[*k].name == pattern.name);
         let mut summary = Vec::new();
@@ -155,12 +152,13 @@ impl Func for VariationReport {
             let all = rendered_impacts(dictionary, patterns, &p.impact.0, &rules, p.events, &cx.random);
             let figures = Figures::of(&all, rate, &cloud);
             let bytes = |found: Result<Vec<u8>, String>| found.map_or(0, |bytes| bytes.len());
-            let samples: usize = all.iter().map(|event| event.samples.len()).sum();
+            let samples: usize = all.iter().map(|impact| impact.samples.len()).sum();
             let outside = figures.distances.iter().filter(|d| **d > limit).count();
             let mean = figures.correlations.iter().sum::<f64>() / figures.correlations.len().max(1) as f64;
-            let [largest, distance] = [greatest(&figures.correlations), greatest(&figures.distances)];
-            let range =
-                greatest(&figures.levels) + greatest(&figures.levels.iter().map(|x| -x).collect::<Vec<_>>());
+            let [_, largest] = extremes(figures.correlations.iter().copied());
+            let [_, distance] = extremes(figures.distances.iter().copied());
+            let [softest, loudest] = extremes(all.iter().map(|impact| impact.loudness));
+            let range = loudest - softest;
             table.push([
                 share.copied().unwrap_or(1.0).into(),
                 dictionary.len().into(),
@@ -178,17 +176,17 @@ impl Func for VariationReport {
                 summary = vec![
                     ("impacts", all.len().into()),
                     ("largest_correlation", largest.into()),
-                    ("level_range_db", range.into()),
+                    ("loudness_range_db", range.into()),
                     ("largest_distance", distance.into()),
                     ("limit", limit.into()),
                     ("outside", outside.into()),
                 ];
-                for (k, event) in all.iter().enumerate() {
+                for (k, impact) in all.iter().enumerate() {
                     let correlation = k.checked_sub(1).and_then(|k| figures.correlations.get(k));
                     impacts.push([
                         k.into(),
-                        (event.samples.len() as f64 / rate).into(),
-                        figures.levels[k].into(),
+                        (impact.samples.len() as f64 / rate).into(),
+                        impact.loudness.into(),
                         correlation.copied().unwrap_or(0.0).into(),
                         figures.distances[k].into(),
                     ]);

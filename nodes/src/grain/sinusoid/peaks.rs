@@ -1,6 +1,7 @@
 //! Sinusoids in a frame: peaks of its spectrum with interpolated frequency, amplitude and phase.
 
 use crate::choices;
+use crate::dsp::db_to_linear;
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use serde::{Deserialize, Serialize};
@@ -181,7 +182,7 @@ impl PeakFinder {
             let level = at - 0.25 * (before - after) * offset;
             peaks.push(SinePeak {
                 frequency: (b as f64 + offset) * self.rate / size as f64,
-                amplitude: 10f64.powf(level / 20.0),
+                amplitude: db_to_linear(level),
                 phase: self.spectrum[b].arg(),
             });
         }

@@ -1,6 +1,7 @@
 //! Patterns that are drawn from models.
 
 use super::model::{PatternModel, envelope_at};
+use crate::dsp::db_to_linear;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::synthesis::GrainStep;
 use crate::material::statistics::normal::{normal_quantile, normal_share};
@@ -121,7 +122,7 @@ impl Generator {
         // From a random one on, the first that is as loud as wanted within the levelling, or else the nearest to it.
         let own =
             |grain: u32| dictionary.grains.get(grain as usize).map_or(0.0, |g| f64::from(g.power)).sqrt();
-        let wanted = 10f64.powf(level / 20.0);
+        let wanted = db_to_linear(level);
         let factor = |grain: u32| wanted / own(grain).max(1e-9);
         let far = |grain: u32| factor(grain).ln().abs();
         let candidates = members.iter().cycle().skip(start).take(members.len()).copied();

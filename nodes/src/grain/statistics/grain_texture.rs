@@ -12,6 +12,7 @@ use crate::core::ports::{In, Stream, Value};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::{Rate, ticks};
+use crate::dsp::db_to_linear;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::segmentation::spectral_flux::mono;
 use crate::grain::synthesis::{GrainSegment, SegmentQueue, check_rate, single};
@@ -82,11 +83,6 @@ pub struct GrainTexture {
     has_ended: bool,
 }
 
-/// Amplitude of a level.
-fn amplitude(db: f64) -> f64 {
-    10f64.powf(db / 20.0)
-}
-
 impl Node for GrainTexture {
     type Params = GrainTextureParams;
     type Ports = GrainTexturePorts;
@@ -145,7 +141,7 @@ impl Node for GrainTexture {
         queue.add(dictionary, [first, channels], out, |_, now| {
             let rules = GeneratorRules {
                 density: at(&io.density, now, p.density).clamp(0.01, 100.0),
-                gain: amplitude(at(&io.loudness, now, p.loudness).clamp(-200.0, 60.0)),
+                gain: db_to_linear(at(&io.loudness, now, p.loudness).clamp(-200.0, 60.0)),
                 blend: at(&io.blend, now, p.blend).clamp(0.0, 1.0),
             };
             if *has_ended {

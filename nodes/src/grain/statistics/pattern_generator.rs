@@ -9,6 +9,7 @@ use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
+use crate::dsp::db_to_linear;
 use crate::grain::correlation::{CorrelationPatterns, Pattern};
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::synthesis::sequence;
@@ -94,8 +95,7 @@ impl Func for PatternGenerator {
         let (model, dictionary) = (io.model, io.dictionary);
         check_models(model, io.second, dictionary)?;
         let second = io.second.unwrap_or(model);
-        let rules =
-            GeneratorRules { density: p.density, gain: 10f64.powf(p.loudness / 20.0), blend: p.blend };
+        let rules = GeneratorRules { density: p.density, gain: db_to_linear(p.loudness), blend: p.blend };
         let frames = (p.seconds * dictionary.rate).round().max(1.0) as u64;
         if frames > u64::from(u32::MAX) {
             let message = format!("{} s are {frames} samples; a pattern has up to {}", p.seconds, u32::MAX);

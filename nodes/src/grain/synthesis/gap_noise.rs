@@ -2,53 +2,27 @@
 
 use super::segment::{Fade, FadeShape, GrainSegment};
 use crate::core::random::Rng;
+use crate::friction::builder::psd::{AnalysisWindow, welch};
 use crate::grain::dictionary::{GRAINS_VERSION, GrainDictionary, Run};
+use crate::material::statistics::normal::standard_normal;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
-use std::f64::consts::{PI, TAU};
 
 /// Samples of a frame of the spectrum of the grains.
 const FRAME: usize = 1024;
 /// Most samples of noise before it repeats; it is periodic, so that it repeats without a join.
 const MAX_PERIOD: usize = 1 << 18;
 
-/// Mean power spectrum of some segments, `[FRAME / 2 + 1]`.
-fn mean_spectrum(dictionary: &GrainDictionary, segments: &[GrainSegment]) -> Vec<f64> {
-    let plan = RealFftPlanner::<f32>::new().plan_fft_forward(FRAME);
-    let (mut input, mut spectrum) = (plan.make_input_vec(), plan.make_output_vec());
-    let window: Vec<f32> =
-        (0..FRAME).map(|i| (0.5 - 0.5 * (TAU * i as f64 / FRAME as f64).cos()) as f32).collect();
-    let mut sum = vec![0.0; FRAME / 2 + 1];
-    for segment in segments {
-        let run = dictionary.run(segment.run, 0);
-        let from = (segment.from as usize).min(run.len());
-        let x = &run[from..run.len().min(from + segment.len as usize)];
-        for start in (0..x.len()).step_by(FRAME / 2) {
-            input.fill(0.0);
-            let samples = input.iter_mut().zip(&x[start..]).zip(&window);
-            samples.for_each(|((y, x), w)| *y = segment.gain * x * w);
-            // Lengths agree by construction.
-            if plan.process(&mut input, &mut spectrum).is_ok() {
-                sum.iter_mut().zip(&spectrum).for_each(|(sum, x)| *sum += f64::from(x.norm_sqr()));
-            }
-        }
-    }
-    sum
-}
-
 /// Periodic Gaussian noise with a power spectrum and a mean square of 1.
 fn noise(spectrum: &[f64], period: usize, rng: &mut Rng) -> Vec<f32> {
     let plan = RealFftPlanner::<f64>::new().plan_fft_inverse(period);
     let (mut bins, mut out) = (plan.make_input_vec(), plan.make_output_vec());
-    let per_bin = (spectrum.len() - 1) as f64 / (period / 2) as f64;
     let last = period / 2;
     for (k, bin) in bins.iter_mut().enumerate().take(last).skip(1) {
-        let at = k as f64 * per_bin;
-        let (low, share) = (at as usize, at.fract());
-        let power = spectrum[low] + share * (spectrum[(low + 1).min(spectrum.len() - 1)] - spectrum[low]);
-        // A normal variable for each part, from two uniform ones.
-        let radius = (-2.0 * rng.between(1e-12, 1.0).ln()).sqrt();
-        *bin = Complex::from_polar(power.sqrt() * radius, rng.between(0.0, 2.0 * PI));
+        let at = k as f64 * (spectrum.len() - 1) as f64 / last as f64;
+        let pair = [at as usize, (at as usize + 1).min(spectrum.len() - 1)].map(|bin| spectrum[bin]);
+        let deviation = (pair[0] + at.fract() * (pair[1] - pair[0])).sqrt();
+        *bin = Complex::new(deviation * standard_normal(rng), deviation * standard_normal(rng));
     }
     // Lengths agree, and the first and the last bin are real, by construction.
     if plan.process(&mut bins, &mut out).is_err() {
@@ -59,10 +33,10 @@ fn noise(spectrum: &[f64], period: usize, rng: &mut Rng) -> Vec<f32> {
     out.into_iter().map(|x| (scale * x) as f32).collect()
 }
 
-/// Noise for the gaps between joined segments, in order of time: with the mean spectrum of all of them, and in each gap the mean power of both
+/// Noise for the gaps between joined segments, in order of time: with the mean spectrum of their sound, and in each gap the mean power of both
 /// neighbours.
 ///
-/// `None` without a gap. The noise is the same in each run.
+/// `None` without a gap, or for a sound of fewer than 1024 samples. The noise is the same in each run.
 #[must_use]
 pub fn gap_noise(
     dictionary: &GrainDictionary,
@@ -78,7 +52,10 @@ pub fn gap_noise(
     let longest =
         gaps.iter().map(|pair| range(pair)).map(|[start, end]| (end - start).max(0) as usize).max()?;
     let period = longest.next_power_of_two().clamp(FRAME, MAX_PERIOD);
-    let samples = noise(&mean_spectrum(dictionary, segments), period, &mut Rng::new(1));
+    let mut sound = vec![0.0; segments.iter().map(GrainSegment::end).max()?.max(0) as usize];
+    segments.iter().for_each(|segment| segment.add(dictionary, 0, 1, &mut sound));
+    let spectrum = welch(&sound, dictionary.rate, FRAME, FRAME / 2, AnalysisWindow::Hann)?;
+    let samples = noise(&spectrum, period, &mut Rng::new(1));
     let own = GrainDictionary {
         version: GRAINS_VERSION,
         rate: dictionary.rate,

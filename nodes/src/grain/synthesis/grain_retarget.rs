@@ -14,7 +14,7 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick, ticks};
-use crate::dsp::Trigger;
+use crate::dsp::{Trigger, db_to_linear};
 use crate::grain::correlation::CorrelationPatterns;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::SourceKind;
@@ -49,7 +49,7 @@ params! {
         sliding: Text = "slide scrape".into();
         /// Tags of rolling.
         rolling: Text = "roll rolling".into();
-        /// Tags of breaking, for impacts of at least `break_energy`.
+        /// Tags of breaking, for impacts of at least `break_energy`; a trigger has no energy.
         breaking: Text = "break".into();
         /// Tags of what triggers play, by their index; a trigger of another index plays an impact.
         triggered: Vec<Text> = Vec::new();
@@ -66,7 +66,7 @@ params! {
         /// Variations of each recorded impact.
         variations: usize = 64, unit "", range 1..=1024;
         /// Share of the recorded differences of level between grains, and between impacts, that remains.
-        spread: f64 = 0.5, unit "", range 0.0..=1.0;
+        spread: f64 = 0.0, unit "", range 0.0..=1.0;
         /// Speed of recordings without one of their own.
         speed_ref: f64 = 0.5, unit "m/s", range 0.000001..=1000.0;
         /// Exponent of the speed in the frequency of the steady part; 0 leaves it as recorded.
@@ -140,7 +140,7 @@ pub struct GrainRetarget {
 impl GrainRetarget {
     fn rules(&self) -> ChainRules {
         let p = &self.params;
-        let level = |db: f64| 10f64.powf(db / 20.0) as f32;
+        let level = |db: f64| db_to_linear(db) as f32;
         ChainRules {
             jump: p.jump,
             gamma: p.gamma,
@@ -159,17 +159,13 @@ impl GrainRetarget {
     /// The list that a trigger plays.
     fn list_of_index(&self, index: u32) -> usize {
         let own = (index as usize).saturating_add(TRIGGERED);
-        if self.sounds.get(own).is_some_and(|sounds| !sounds.is_empty()) {
-            own
-        } else {
-            self.list_of_energy(f64::INFINITY)
-        }
+        if self.sounds.get(own).is_some_and(|sounds| !sounds.is_empty()) { own } else { IMPACT }
     }
 
     /// Plays the next sound of a list at a frame.
     fn strike(&mut self, list: usize, segments: u32, amplitude: f64, ratio: f32, frame: i64) {
         let p = &self.params;
-        let [low, high] = p.range.map(|db| 10f64.powf(db / 20.0));
+        let [low, high] = p.range.map(db_to_linear);
         let count = self.impact_counts[list];
         self.impact_counts[list] += 1;
         let sounds = self.sounds[list].len() as u64;

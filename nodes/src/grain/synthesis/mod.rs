@@ -18,6 +18,7 @@ mod walk;
 pub use chain::{Chain, ChainRules};
 pub use contact_pairs::ContactPairs;
 pub use impact_voices::ImpactVoices;
+pub(crate) use repertoire::rendered;
 pub use repertoire::{ContactSound, ImpactSound, RepertoireRules, contact_sounds, impact_sounds, sources_of};
 pub use segment::{Fade, FadeShape, GrainSegment, GrainStep, join, segments, single, sound_of};
 pub use segment_queue::SegmentQueue;

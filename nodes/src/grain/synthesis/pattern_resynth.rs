@@ -13,6 +13,7 @@ use crate::core::ports::{Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, ticks};
+use crate::dsp::db_to_linear;
 use crate::grain::correlation::CorrelationPatterns;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::Component;
@@ -103,7 +104,7 @@ impl PatternResynth {
             Component::Steady => self.params.steady,
             Component::Transient => self.params.transient,
         };
-        self.params.gain * 10f64.powf(db / 20.0) as f32
+        self.params.gain * db_to_linear(db) as f32
     }
 }
 

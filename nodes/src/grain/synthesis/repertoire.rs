@@ -90,8 +90,8 @@ const ALIKE: f64 = 0.95;
 /// Attempts to find a variation that is unlike all others.
 const ATTEMPTS: usize = 4;
 
-/// The sound of segments, with unit energy, and its energy.
-fn rendered(dictionary: &GrainDictionary, segments: &[GrainSegment]) -> (Vec<f32>, f64) {
+/// The sound of segments, channels averaged, with unit energy, and its energy.
+pub(crate) fn rendered(dictionary: &GrainDictionary, segments: &[GrainSegment]) -> (Vec<f32>, f64) {
     let end = segments.iter().map(GrainSegment::end).max().unwrap_or(0).max(0);
     let mut out = vec![0.0; end as usize];
     segments.iter().for_each(|s| s.add(dictionary, 0, 1, &mut out));

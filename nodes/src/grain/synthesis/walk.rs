@@ -2,6 +2,7 @@
 
 use super::segment::GrainStep;
 use crate::choices;
+use crate::dsp::db_to_linear;
 use crate::grain::correlation::{Pattern, Peak};
 use crate::grain::dictionary::GrainDictionary;
 
@@ -267,7 +268,7 @@ pub fn varied(
             }
         };
         let jitter = if onset.is_some() { 0.0 } else { rules.jitter * (2.0 * uniform(index, 1) - 1.0) };
-        let level = 10f64.powf(rules.level * (2.0 * uniform(index, 2) - 1.0) / 20.0) as f32;
+        let level = db_to_linear(rules.level * (2.0 * uniform(index, 2) - 1.0)) as f32;
         let t = onset.unwrap_or_else(|| i64::from(chosen.t).max(start));
         let step = |peak: &Peak, t: i64| GrainStep {
             grain: peak.grain,
@@ -278,16 +279,17 @@ pub fn varied(
         if count > 0 {
             steps.push(step(&chosen, t));
         }
-        for k in 1..count {
-            // In equal parts of the time to the next grain.
-            let at = t + k * advance(dictionary, chosen.grain) / count;
-            let near = between(pattern, at - half / 2, at + half / 2);
-            steps.extend(draw(near, rules, uniform(index, 3 + k as u32)).map(|peak| step(&peak, at)));
-        }
         // The next onset is not left out, even if the grain reaches beyond it.
         let next = onsets.iter().rev().copied().find(|t| onset.is_none_or(|onset| *t > onset));
         let end = t + advance(dictionary, chosen.grain);
-        start = next.map_or(end, |next| end.min(next)).max(t + 1);
+        let end = next.map_or(end, |next| end.min(next));
+        for k in 1..count {
+            // In equal parts of the time to the next grain.
+            let at = t + k * (end - t) / count;
+            let near = between(pattern, at - half / 2, at + half / 2);
+            steps.extend(draw(near, rules, uniform(index, 3 + k as u32)).map(|peak| step(&peak, at)));
+        }
+        start = end.max(t + 1);
     }
     steps.sort_by_key(|step| step.t);
     steps

@@ -11,6 +11,7 @@ mod poses;
 mod reader;
 mod row;
 mod table;
+mod track;
 
 pub use bodies::{Bodies, MAX_BODIES};
 pub use contact_tracker::Manifold;
