@@ -30,6 +30,7 @@ pub mod registry;
 pub mod rigid;
 pub mod scrape;
 pub mod solid;
+pub mod soundtrack;
 pub mod spatial;
 pub mod table;
 pub mod tension;

@@ -109,7 +109,23 @@ use crate::solid::model::analytic_modes::AnalyticModes;
 use crate::solid::model::modal_analysis::ModalAnalysis;
 use crate::solid::model::modal_model_file::ModalModelFile;
 use crate::solid::model::model_modes::ModelModes;
+use crate::soundtrack::matching::fragment_path::FragmentPathNode;
+use crate::soundtrack::matching::match_score::MatchScore;
+use crate::soundtrack::matching::motion_query::MotionQuery;
+use crate::soundtrack::matching::path_score::PathScore;
+use crate::soundtrack::motion::contact_curve::ContactCurve;
+use crate::soundtrack::motion::curve_file::CurveFile;
+use crate::soundtrack::motion::motion_curve::MotionCurveNode;
+use crate::soundtrack::motion::pose_curve::PoseCurve;
+use crate::soundtrack::score::edl_to_score::EdlToScore;
+use crate::soundtrack::score::score_file::ScoreFile;
+use crate::soundtrack::synthesis::soundtrack_report::SoundtrackReport;
+use crate::soundtrack::synthesis::texture_synthesis::TextureSynthesis;
+use crate::soundtrack::wavelet::texture_model::TextureModelNode;
+use crate::soundtrack::wavelet::texture_model_file::TextureModelFile;
+use crate::soundtrack::wavelet::wavelet_tree::WaveletTreeNode;
 use crate::spatial::hrtf::structural_hrtf::StructuralHrtf;
+use crate::spatial::motion::bvh_pose::BvhPose;
 use crate::spatial::motion::orbit::Orbit;
 use crate::spatial::motion::pose_file::PoseFile;
 use crate::spatial::motion::vertex_pose::VertexPose;
@@ -439,6 +455,7 @@ impl Registry {
             .with::<StructuralHrtf>()
             .with::<DistanceGain>()
             .with::<Occlusion>()
+            .with::<BvhPose>()
             .with::<Orbit>()
             .with::<PoseFile>()
             .with_each::<VertexPose>()
@@ -449,6 +466,22 @@ impl Registry {
             .with::<TpsFit>()
             .with::<TpsWarp>()
             .with_func::<WarpFile>()
+            .family("soundtrack")
+            .with_func::<WaveletTreeNode>()
+            .with_func::<TextureModelNode>()
+            .with_func::<TextureModelFile>()
+            .with_func::<ScoreFile>()
+            .with_func::<EdlToScore>()
+            .with::<TextureSynthesis>()
+            .with::<SoundtrackReport>()
+            .with::<CurveFile>()
+            .with::<PoseCurve>()
+            .with::<ContactCurve>()
+            .with::<MotionCurveNode>()
+            .with_func::<MotionQuery>()
+            .with_func::<MatchScore>()
+            .with_func::<FragmentPathNode>()
+            .with_func::<PathScore>()
             .family("live")
             .with::<live_input::LiveContacts>()
             .with::<live_input::LiveControl>()

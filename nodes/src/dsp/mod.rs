@@ -21,6 +21,7 @@ pub use channel::pan::{Balance, Pan};
 pub use error::DspError;
 pub use filter::butterworth::{Band, Butterworth, Cascade};
 pub use filter::section::{Biquad, Section};
+pub use filter::zero_phase::zero_phase;
 pub use level::loudness_meter::LoudnessMeter;
 pub use level::meter::{Level, LevelMeter};
 pub(crate) use level::ramp::ramp_frames;

@@ -25,7 +25,7 @@ pub use error::{AudioError, AudioWarning};
 pub use info::{AudioInfo, FileFormat, ReadLimits, SampleFormat};
 pub use reader::{AudioReader, probe, probe_with};
 pub(crate) use recording_list::{ListedRecording, MANIFEST, RecordingList};
-pub(crate) use recordings::{MaxLength, RecordingParam, recording_warnings, trial_wav};
+pub(crate) use recordings::{MaxLength, RecordingParam, Whole, recording_warnings, trial_wav};
 pub use wav::{AudioWriter, Dither, WriteFormat, WriteSpec, WrittenInfo};
 pub(crate) use wav_out::wav_rate;
 

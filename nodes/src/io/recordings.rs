@@ -5,6 +5,8 @@ use crate::core::fault::{Fault, Reject};
 use crate::core::node::Summary;
 use crate::core::params::AssetPath;
 use crate::core::shape::{Build, Shape};
+use crate::core::time::Rate;
+use crate::dsp::{DspError, Quality, Resampler};
 use std::fmt::Display;
 
 /// Greatest length of a recording that a node loads.
@@ -13,6 +15,16 @@ pub(crate) enum MaxLength {
     Frames(u64),
     /// Seconds at the rate of the recording.
     Seconds(u64),
+}
+
+/// A recording that was read as a whole.
+pub(crate) struct Whole {
+    /// Its channels, resampled.
+    pub channels: Vec<Vec<f32>>,
+    /// Its own samples, interleaved.
+    pub samples: Vec<f32>,
+    /// What is known of it.
+    pub info: AudioInfo,
 }
 
 /// A parameter with paths of recordings that a node loads as a whole.
@@ -64,6 +76,40 @@ impl RecordingParam {
             return Err(self.unusable(path, format!("sample {index} is not finite")).into());
         }
         Ok((samples, reader.info().clone()))
+    }
+
+    /// Reads a recording with all its channels, and resamples it.
+    ///
+    /// # Errors
+    /// A file that is no audio, is too long, is empty, or holds a sample that is not finite.
+    pub(crate) fn read_whole(
+        &self,
+        cx: &Build<'_>,
+        field: &str,
+        path: &str,
+        rate: Rate,
+    ) -> Result<Whole, Fault> {
+        let wrong = |text: String| self.unusable(path, text).at(field);
+        let mut reader = self.open(path, cx.open(field, path)?)?;
+        let info = reader.info().clone();
+        let channels = info.channels.max(1);
+        let mut samples = vec![0.0; info.frames as usize * channels];
+        let frames = reader.read(&mut samples).map_err(|e| wrong(e.to_string()))?;
+        samples.truncate(frames * channels);
+        if let Some(index) = samples.iter().position(|x| !x.is_finite()) {
+            return Err(wrong(format!("sample {} is not finite", index / channels)).into());
+        }
+        if samples.is_empty() {
+            return Err(wrong("it has no sample".into()).help("leave it out").into());
+        }
+        let own = Rate::new(u64::from(info.rate), 1).ok_or_else(|| wrong("its rate is 0".into()))?;
+        let of_channel = |c: usize| samples.iter().skip(c).step_by(channels).copied().collect::<Vec<f32>>();
+        let at_rate = |x: Vec<f32>| match own == rate {
+            true => Ok(x),
+            false => Resampler::new(own, rate, Quality::High)?.whole(&x),
+        };
+        let resampled: Result<Vec<Vec<f32>>, DspError> = (0..channels).map(of_channel).map(at_rate).collect();
+        Ok(Whole { channels: resampled.map_err(|e| wrong(e.to_string()))?, samples, info })
     }
 
     /// Checks a list of recordings: reports errors, notes warnings and reserves memory.

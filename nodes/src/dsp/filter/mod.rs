@@ -6,3 +6,4 @@ pub mod high_pass;
 pub mod low_pass;
 pub mod node;
 pub mod section;
+pub mod zero_phase;

@@ -190,6 +190,14 @@ impl Biquad {
         self.state.fill([0.0; 2]);
     }
 
+    /// Sets the state of all channels to that after an endless constant input.
+    pub fn settle(&mut self, x: f64) {
+        let Section { b, a } = self.section;
+        let y = x * b.iter().sum::<f64>() / (1.0 + a[0] + a[1]);
+        let last = b[2] * x - a[1] * y;
+        self.state.fill([b[1] * x - a[0] * y + last, last]);
+    }
+
     /// Filters one sample of one channel in f64.
     #[inline]
     pub fn tick(&mut self, channel: usize, x: f64) -> f64 {

@@ -12,9 +12,10 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
-use crate::dsp::{Quality, Resampler};
 use crate::grain::sinusoid::{PeakRules, TrackRules, split};
-use crate::io::{ListedRecording, MaxLength, RecordingList, RecordingParam, recording_warnings, trial_wav};
+use crate::io::{
+    ListedRecording, MaxLength, RecordingList, RecordingParam, Whole, recording_warnings, trial_wav,
+};
 use crate::{choices, params, ports};
 use rayon::prelude::*;
 
@@ -83,14 +84,6 @@ pub struct GrainRecordingsNode;
 const RECORDINGS: RecordingParam =
     RecordingParam { name: "recordings", code: "F150", max: MaxLength::Seconds(600) };
 
-/// A channel at another rate.
-fn resampled(x: &[f32], from: Rate, to: Rate) -> Result<Vec<f32>, crate::dsp::DspError> {
-    if from == to {
-        return Ok(x.to_vec());
-    }
-    Resampler::new(from, to, Quality::High)?.whole(x)
-}
-
 impl GrainRecordingsParams {
     /// Tags of a recording.
     fn tags_of(&self, label: &RecordingLabel) -> Vec<String> {
@@ -110,24 +103,8 @@ fn read(
 ) -> Result<(GrainRecording, Summary), Fault> {
     let ListedRecording { path, field, entry } = listed;
     let wrong = |text: String| RECORDINGS.unusable(path, text).at(field);
-    let mut reader = RECORDINGS.open(path, cx.open(field, path)?)?;
-    let info = reader.info().clone();
-    let channels = info.channels.max(1);
-    let mut samples = vec![0.0; info.frames as usize * channels];
-    let frames = reader.read(&mut samples).map_err(|e| wrong(e.to_string()))?;
-    samples.truncate(frames * channels);
-    if let Some(index) = samples.iter().position(|x| !x.is_finite()) {
-        return Err(wrong(format!("sample {} is not finite", index / channels)).into());
-    }
-    if samples.is_empty() {
-        return Err(wrong("it has no sample".into()).help("leave it out").into());
-    }
-    let rate = Rate::new(u64::from(info.rate), 1).ok_or_else(|| wrong("its rate is 0".into()))?;
-    let channels: Result<Vec<Vec<f32>>, _> = (0..channels)
-        .map(|c| samples.iter().skip(c).step_by(channels).copied().collect::<Vec<f32>>())
-        .map(|x| resampled(&x, rate, p.rate))
-        .collect();
-    let whole = Part { component: Component::Whole, channels: channels.map_err(|e| wrong(e.to_string()))? };
+    let Whole { channels, samples, info } = RECORDINGS.read_whole(cx, field, path, p.rate)?;
+    let whole = Part { component: Component::Whole, channels };
     let mono = whole.mono();
     let given = entry.given_kind().map_err(&wrong)?;
     let kind = given.unwrap_or_else(|| guess_kind(&mono, p.rate.as_f64()));

@@ -1,5 +1,7 @@
 //! Positions and orientations over time: poses, and the nodes that make them.
 
+pub mod bvh;
+pub mod bvh_pose;
 pub(crate) mod interpolation;
 pub mod item;
 pub mod orbit;

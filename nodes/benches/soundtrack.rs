@@ -1,0 +1,319 @@
+//! Time and quality of sound textures and of motion queries.
+//!
+//! Run with `cargo bench -p foley-nodes --bench soundtrack`. Real recordings are those of the data beside the repository, or at `FOLEY_DATA`.
+
+use foley_nodes::core::computation::unmonitored;
+use foley_nodes::core::random::{Random, Rng};
+use foley_nodes::dsp::{Band, Butterworth, zero_phase};
+use foley_nodes::io::AudioReader;
+use foley_nodes::soundtrack::matching::{QueryRules, find_matches, without_overlap};
+use foley_nodes::soundtrack::motion::MotionCurve;
+use foley_nodes::soundtrack::score::{Constraints, read_score};
+use foley_nodes::soundtrack::synthesis::{SynthesisRules, Synthesizer};
+use foley_nodes::soundtrack::wavelet::{
+    StreamingInverse, TextureModel, ThresholdRules, TreeRecording, TreeRules, Wavelet, WaveletTree, forward,
+    inverse,
+};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The least time of five runs, ms.
+fn least<T>(mut work: impl FnMut() -> T) -> f64 {
+    let one = |_| {
+        let start = Instant::now();
+        std::hint::black_box(work());
+        1e3 * start.elapsed().as_secs_f64()
+    };
+    (0..5).map(one).fold(f64::INFINITY, f64::min)
+}
+
+/// Noise whose colour and level wander.
+fn noise(samples: usize, seed: u64) -> Vec<f32> {
+    let mut rng = Rng::new(seed);
+    let (mut x, mut level) = (0.0, 0.0);
+    let mut next = || {
+        level = 0.9999 * level + 0.01 * rng.between(-1.0, 1.0);
+        x = 0.8 * x + rng.between(-1.0, 1.0);
+        (0.1 * x * (1.0 + level)) as f32
+    };
+    (0..samples).map(|_| next()).collect()
+}
+
+fn tree(rate: f64, channel: Vec<f32>, rules: &TreeRules) -> WaveletTree {
+    let recording =
+        TreeRecording { name: "recording".into(), content: String::new(), channels: vec![channel] };
+    WaveletTree::analyse(rate, &[recording], rules).expect("a recording that is long enough")
+}
+
+fn model(rate: f64, channel: Vec<f32>) -> Arc<TextureModel> {
+    let tree = tree(rate, channel, &TreeRules::default());
+    Arc::new(TextureModel::new(tree, &ThresholdRules::default()))
+}
+
+/// The output of a synthesis, the leaves it was copied from, and the longest time of a root in ms.
+fn synthesise(model: &Arc<TextureModel>, score: &str, seconds: f64) -> (Vec<f32>, Vec<u32>, f64) {
+    let tree = &model.tree;
+    let constraints = match score {
+        "" => Constraints::default(),
+        text => Constraints::new(&read_score(text).expect("a score"), tree).expect("a score that fits"),
+    };
+    let reach = tree.wavelet.reach() as i64 + 1;
+    let random = Random::new(1, "texture");
+    let mut s = Synthesizer::new(
+        Arc::clone(model),
+        Arc::new(constraints),
+        SynthesisRules::default(),
+        random,
+        -reach,
+        Some(seconds),
+    );
+    let mut stream = StreamingInverse::<f32>::new(tree.wavelet, tree.depth);
+    let roots = (seconds * tree.rate / tree.span(0) as f64).ceil() as i64;
+    let (mut out, mut leaves, mut worst) = (Vec::new(), Vec::new(), 0.0_f64);
+    for root in -reach..roots + reach {
+        let start = Instant::now();
+        s.advance(None);
+        stream.add(s.approximation()[0], |level| s.details(level), &mut out);
+        worst = worst.max(1e3 * start.elapsed().as_secs_f64());
+        if (0..roots).contains(&root) {
+            leaves.extend_from_slice(s.picks().leaves);
+        }
+    }
+    let skip = reach as usize * tree.span(0);
+    let frames = (seconds * tree.rate) as usize;
+    (out[skip..skip + frames].to_vec(), leaves, worst)
+}
+
+fn transform() {
+    let x: Vec<f64> = noise(960_000 / (1 << 14) << 14, 1).into_iter().map(f64::from).collect();
+    let single: Vec<f32> = x.iter().map(|x| *x as f32).collect();
+    let c = forward(Wavelet::Db5, 14, &x);
+    let c32 = forward(Wavelet::Db5, 14, &single);
+    println!(
+        "transform of {} samples, db5, 14 levels: f64 {:.1} ms forward, {:.1} ms inverse; f32 {:.1} and {:.1} ms",
+        x.len(),
+        least(|| forward(Wavelet::Db5, 14, &x)),
+        least(|| inverse(Wavelet::Db5, &c)),
+        least(|| forward(Wavelet::Db5, 14, &single)),
+        least(|| inverse(Wavelet::Db5, &c32)),
+    );
+}
+
+fn textures() {
+    let source = noise(320_000, 2);
+    println!("model of 10 s at 32 kHz: {:.1} ms", least(|| model(32_000.0, source.clone())));
+    let model_10 = model(32_000.0, source);
+    let soft = "SoundScore(sources: [(name: \"a\", segments: [(3, 6)])], targets: [(source: \"a\", from: 0, to: 30, weight: 0.5)])";
+    let hard = "SoundScore(sources: [(name: \"a\", segments: [(1, 4)]), (name: \"b\", segments: [(5, 9)])],
+        targets: [(source: \"a\", from: 0, to: 10), (source: \"b\", from: 10, to: 20), (source: \"a\", from: 20, to: 31)])";
+    for (name, score) in [("undirected", ""), ("soft", soft), ("certain throughout", hard)] {
+        println!("30 s of 32 kHz from 10 s, {name}: {:.0} ms", least(|| synthesise(&model_10, score, 30.0)));
+    }
+    for (source, output) in
+        [(10.0, 10.0), (60.0, 10.0), (600.0, 10.0), (10.0, 60.0), (10.0, 600.0), (600.0, 600.0)]
+    {
+        let start = Instant::now();
+        let model = model(32_000.0, noise((32_000.0 * source) as usize, 3));
+        let made = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let _ = synthesise(&model, "", output);
+        println!(
+            "source of {source} s, output of {output} s: model {made:.2} s, synthesis {:.2} s",
+            start.elapsed().as_secs_f64()
+        );
+    }
+    let rules = TreeRules { wavelet: Wavelet::Db2, block: Some(0.04), ..TreeRules::default() };
+    let live = TextureModel::new(tree(32_000.0, noise(320_000, 4), &rules), &ThresholdRules::default());
+    let block = 1e3 * live.tree.span(0) as f64 / 32_000.0;
+    let (_, _, worst) = synthesise(&Arc::new(live), soft, 30.0);
+    println!("live, db2, blocks of {block:.0} ms: the slowest block takes {worst:.2} ms");
+}
+
+fn queries() {
+    let mut rng = Rng::new(5);
+    let mut x = 0.0;
+    let mut next = || {
+        x = 0.995 * x + rng.between(-1.0, 1.0);
+        x as f32
+    };
+    let values: Vec<f32> = (0..100_000).map(|_| next()).collect();
+    let curve = MotionCurve { rate: 60.0, channels: 1, values, gaps: Vec::new() };
+    let interval = (600.0, 600.0 + 200.0 / 60.0);
+    for threshold in [0.7, 0.5] {
+        let rules = QueryRules { threshold, ..QueryRules::default() };
+        let search = || find_matches(&curve, &curve, interval, rules, &unmonitored).unwrap_or_default();
+        let found = without_overlap(search(), false).len();
+        println!(
+            "query of 200 in 100,000 frames, 9 lengths, threshold {threshold}: {:.1} ms on {} threads, {found} matches",
+            least(search),
+            rayon::current_num_threads()
+        );
+    }
+}
+
+fn folder() -> PathBuf {
+    let data =
+        std::env::var_os("FOLEY_DATA").map_or_else(|| PathBuf::from("../../shared/data"), PathBuf::from);
+    data.join("recordings/texture")
+}
+
+fn load(path: PathBuf) -> Option<(f64, Vec<f32>)> {
+    let file = std::fs::File::open(path).ok()?;
+    let mut reader = AudioReader::open(Box::new(file)).ok()?;
+    let samples = reader.read_mono().ok()?;
+    Some((f64::from(reader.info().rate), samples))
+}
+
+/// Levels and kurtosis of third octaves, and levels of modulation in four bands of octaves, of a sound.
+fn statistics(x: &[f32], rate: f64) -> Vec<f64> {
+    let x: Vec<f64> = x.iter().map(|x| f64::from(*x)).collect();
+    let band = |x: &[f64], rate: f64, low: f64, high: f64| {
+        let pass = |band, cutoff: f64| Butterworth::design(band, 3, cutoff, rate);
+        match (pass(Band::HighPass, low), pass(Band::LowPass, high)) {
+            (Ok(a), Ok(b)) => zero_phase(&b, &zero_phase(&a, x)),
+            (Ok(a), Err(_)) => zero_phase(&a, x),
+            _ => x.to_vec(),
+        }
+    };
+    let power = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64;
+    let mut out = Vec::new();
+    let mut centre = 80.0;
+    while centre * 1.2 < rate / 2.0 && centre < 16_500.0 {
+        let y = band(&x, rate, centre * 2_f64.powf(-1.0 / 6.0), centre * 2_f64.powf(1.0 / 6.0));
+        let p = power(&y) + 1e-15;
+        let fourth = y.iter().map(|y| y.powi(4)).sum::<f64>() / y.len() as f64;
+        out.extend([10.0 * p.log10(), (fourth / (p * p)).ln() * 4.0]);
+        centre *= 2_f64.powf(1.0 / 3.0);
+    }
+    let mut centre = 125.0;
+    while centre * 1.5 < rate / 2.0 {
+        let y = band(&x, rate, centre / 1.414, centre * 1.414);
+        let step = (rate / 400.0) as usize;
+        let envelope: Vec<f64> = y.chunks(step).map(|y| power(y).sqrt()).collect();
+        let mean = envelope.iter().sum::<f64>() / envelope.len() as f64;
+        let relative: Vec<f64> = envelope.iter().map(|e| e / mean.max(1e-12) - 1.0).collect();
+        for (low, high) in [(2.0, 8.0), (8.0, 32.0), (32.0, 128.0)] {
+            out.push(10.0 * (power(&band(&relative, rate / step as f64, low, high)) + 1e-9).log10());
+        }
+        centre *= 2.0;
+    }
+    out
+}
+
+/// Greatest level above 8 kHz of 5 ms, dB.
+fn peak_above(x: &[f32], rate: f64) -> f64 {
+    let x: Vec<f64> = x.iter().map(|x| f64::from(*x)).collect();
+    let high = Butterworth::design(Band::HighPass, 4, 8000.0, rate).map_or(x.clone(), |f| zero_phase(&f, &x));
+    let power = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
+    10.0 * (high.chunks_exact((0.005 * rate) as usize).map(power).fold(0.0, f64::max) + 1e-15).log10()
+}
+
+/// Lengths of stretches that are copied, in samples.
+fn runs(leaves: &[u32]) -> Vec<usize> {
+    let mut all = vec![2];
+    for pair in leaves.windows(2) {
+        if pair[1] == pair[0] + 1 {
+            if let Some(last) = all.last_mut() {
+                *last += 2;
+            }
+        } else {
+            all.push(2);
+        }
+    }
+    all.sort_unstable();
+    all
+}
+
+fn recordings() {
+    let names = [
+        "rain.flac",
+        "rain_mono.wav",
+        "ocean_mono.wav",
+        "sea_waves.ogg",
+        "fire_fireplace.flac",
+        "crowd_coffee_shop.flac",
+        "traffic_city.flac",
+        "machine_3d_printer.flac",
+        "jungle_day.flac",
+        "explosions_fireworks.flac",
+    ];
+    println!(
+        "recording: share of statistics of 30 s within those of the halves and quarters of the source (and of each quarter within the others); \
+         greatest difference of a third octave; peaks above 8 kHz beside the source; longest and median stretch"
+    );
+    for name in names {
+        let Some((rate, x)) = load(folder().join(name)) else {
+            println!("{name}: not found, skipped");
+            continue;
+        };
+        let model = model(rate, x.clone());
+        let (y, leaves, _) = synthesise(&model, "", 30.0);
+        let quarter = x.len() / 4;
+        let mut parts: Vec<Vec<f64>> =
+            (0..4).map(|k| statistics(&x[k * quarter..(k + 1) * quarter], rate)).collect();
+        let within = |s: &[f64], parts: &[Vec<f64>]| {
+            let is_within = |k: &usize| {
+                let of = parts.iter().map(|p| p[*k]);
+                let (low, high) =
+                    of.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+                s[*k] >= low - 0.5 && s[*k] <= high + 0.5
+            };
+            (0..s.len()).filter(is_within).count() as f64 / s.len() as f64
+        };
+        let own: f64 = (0..4)
+            .map(|k| {
+                let mut others = parts.clone();
+                let one = others.remove(k);
+                within(&one, &others) / 4.0
+            })
+            .sum();
+        parts.push(statistics(&x[..x.len() / 2], rate));
+        parts.push(statistics(&x[x.len() / 2..], rate));
+        let (s, whole) = (statistics(&y, rate), statistics(&x, rate));
+        let thirds = s.len() - 3 * (0..20).take_while(|k| 125.0 * 2_f64.powi(*k) * 1.5 < rate / 2.0).count();
+        let worst = (0..thirds).step_by(2).map(|k| (s[k] - whole[k]).abs()).fold(0.0, f64::max);
+        let runs = runs(&leaves);
+        let seconds = |n: usize| n as f64 / rate;
+        println!(
+            "{name}: {:.0} % ({:.0} %); {worst:.1} dB; {:.1} dB, source {:.1} dB; {:.2} s, {:.3} s",
+            100.0 * within(&s, &parts),
+            100.0 * own,
+            peak_above(&y, rate),
+            peak_above(&x, rate),
+            seconds(runs[runs.len() - 1]),
+            seconds(runs[runs.len() / 2]),
+        );
+    }
+}
+
+fn direction() {
+    let Some((rate, x)) = load(folder().join("traffic_city.flac")) else {
+        println!("traffic_city.flac: not found, skipped");
+        return;
+    };
+    let source = statistics(&x, rate);
+    let model = model(rate, x);
+    println!(
+        "weight of 5 to 12 s of traffic_city.flac over 100 s: share of the time, and mean difference of its statistics from the recording"
+    );
+    for weight in [-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 0.9, 1.0] {
+        let score = format!(
+            "SoundScore(sources: [(name: \"a\", segments: [(5, 12)])], targets: [(source: \"a\", from: 0, to: 101, weight: {weight:?})])"
+        );
+        let (y, leaves, _) = synthesise(&model, &score, 100.0);
+        let (from, to) = ((5.0 * rate / 2.0) as u32, (12.0 * rate / 2.0) as u32);
+        let share = leaves.iter().filter(|m| (from..to).contains(m)).count() as f64 / leaves.len() as f64;
+        let s = statistics(&y, rate);
+        let difference = s.iter().zip(&source).map(|(a, b)| (a - b).abs()).sum::<f64>() / s.len() as f64;
+        println!("{weight:5.2}: {:5.1} %, {difference:.2} dB", 100.0 * share);
+    }
+}
+
+fn main() {
+    transform();
+    textures();
+    queries();
+    recordings();
+    direction();
+}

@@ -1,0 +1,117 @@
+//! Dynamic time warping with a band.
+
+/// The distance of two sequences of equal lengths: the root of the least sum of squared differences over paths with the steps (1, 0), (0, 1)
+/// and (1, 1) within `radius` of the diagonal. `None` if it is greater than `limit`.
+///
+/// # Shapes
+/// `a`, `b`: frames of `channels` numbers.
+///
+/// # Complexity
+/// Frames times twice the radius; less if the limit is reached early.
+///
+/// # Source
+/// Sakoe and Chiba, "Dynamic programming algorithm optimization for spoken word recognition" (IEEE TASSP 26(1), 1978).
+#[must_use]
+pub fn distance(a: &[f32], b: &[f32], channels: usize, radius: usize, limit: f64) -> Option<f64> {
+    let channels = channels.max(1);
+    let n = a.len().min(b.len()) / channels;
+    if n == 0 {
+        return None;
+    }
+    let most = limit * limit;
+    let local = |i: usize, j: usize| -> f64 {
+        let (a, b) = (&a[i * channels..(i + 1) * channels], &b[j * channels..(j + 1) * channels]);
+        a.iter().zip(b).map(|(x, y)| f64::from(x - y).powi(2)).sum()
+    };
+    let mut last = vec![f64::INFINITY; n + 1];
+    let mut row = vec![f64::INFINITY; n + 1];
+    last[0] = 0.0;
+    for i in 0..n {
+        let (from, to) = (i.saturating_sub(radius), (i + radius + 1).min(n));
+        let mut least = f64::INFINITY;
+        row[from] = f64::INFINITY;
+        for j in from..to {
+            // Column j + 1 is element j.
+            let before = last[j].min(last[j + 1]).min(row[j]);
+            row[j + 1] = local(i, j) + before;
+            least = least.min(row[j + 1]);
+        }
+        if to < n {
+            row[to + 1] = f64::INFINITY;
+        }
+        if least > most {
+            return None;
+        }
+        std::mem::swap(&mut last, &mut row);
+        row[0] = f64::INFINITY;
+    }
+    (last[n] <= most).then(|| last[n].sqrt())
+}
+
+/// Least and greatest value of each channel within `radius` frames of each frame.
+///
+/// # Complexity
+/// Frames times the radius.
+#[must_use]
+pub fn envelope(x: &[f32], channels: usize, radius: usize) -> Vec<[f32; 2]> {
+    let channels = channels.max(1);
+    let n = x.len() / channels;
+    let mut out = Vec::with_capacity(x.len());
+    for i in 0..n {
+        let frames = i.saturating_sub(radius)..(i + radius + 1).min(n);
+        for c in 0..channels {
+            let values = frames.clone().map(|k| x[k * channels + c]);
+            out.push(
+                values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]),
+            );
+        }
+    }
+    out
+}
+
+/// Squared distance of a number from an interval.
+#[inline]
+pub fn outside(x: f32, [low, high]: [f32; 2]) -> f64 {
+    f64::from((low - x).max(x - high).max(0.0)).powi(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Rng;
+
+    #[test]
+    fn known_distances() {
+        let a = [0.0, 0.0, 1.0, 2.0, 1.0, 0.0, 1.0, 0.0, 0.0];
+        let b = [0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let d = |radius| distance(&a, &b, 1, radius, 1e9).unwrap();
+        assert!((d(9) - std::f64::consts::SQRT_2).abs() < 1e-12 && (d(0) - 8_f64.sqrt()).abs() < 1e-12);
+        assert_eq!(distance(&a, &b, 1, 9, 1.4), None);
+        assert_eq!((distance(&a, &a, 1, 2, 0.0), distance(&[], &[], 1, 2, 1.0)), (Some(0.0), None));
+        // Two equal channels count twice.
+        let twice = |x: &[f32]| x.iter().flat_map(|x| [*x, *x]).collect::<Vec<f32>>();
+        let both = distance(&twice(&a), &twice(&b), 2, 9, 1e9).unwrap();
+        assert!((both - 2.0).abs() < 1e-12, "{both}");
+    }
+
+    #[test]
+    fn the_distance_from_the_envelope_is_no_greater() {
+        let mut rng = Rng::new(4);
+        for _ in 0..300 {
+            let mut walk = || {
+                let mut x = 0.0;
+                (0..48)
+                    .map(|_| {
+                        x += rng.between(-1.0, 1.0) as f32;
+                        x
+                    })
+                    .collect::<Vec<f32>>()
+            };
+            let (a, b) = (walk(), walk());
+            let bound: f64 = envelope(&a, 1, 5).iter().zip(&b).map(|(e, x)| outside(*x, *e)).sum();
+            let d = distance(&a, &b, 1, 5, 1e9).unwrap();
+            assert!(bound.sqrt() <= d + 1e-9);
+            assert!(distance(&a, &b, 1, 5, d - 1e-6).is_none() && distance(&a, &b, 1, 5, d + 1e-9).is_some());
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The node `MotionQuery`.
+
+use super::matches::MotionMatches;
+use super::query::{Normalisation, QueryError, QueryRules, find_matches, without_overlap};
+use crate::core::fault::Fault;
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Func, Summary};
+use crate::core::params::Params;
+use crate::core::ports::Value;
+use crate::core::random::Rng;
+use crate::core::shape::Build;
+use crate::soundtrack::motion::MotionCurve;
+use crate::{params, ports};
+
+params! {
+    /// Finds all parts of a motion that are like one part of it, or of another motion.
+    ///
+    /// The query is an interval of `source`, or else of `motion`. Parts from half to twice its length are stretched to it and compared by
+    /// dynamic time warping. The similarity is 1 for equal motions and falls with the distance relative to the extent of the query. Parts that
+    /// overlap a more similar one are left out.
+    ///
+    /// # Source
+    /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 5.2. The similarity is a choice; the search is exact.
+    pub struct MotionQueryParams {
+        /// Start of the query.
+        from: f64, unit "s", range 0.0..=86_400.0;
+        /// End of the query.
+        to: f64, unit "s", range 0.0..=86_400.0;
+        /// Least similarity of a match.
+        threshold: f64 = 0.7, unit "", range 0.001..=1.0;
+        /// Shortest match, as a factor of the query.
+        shortest: f64 = 0.5, unit "", range 0.05..=1.0;
+        /// Longest match, as a factor of the query.
+        longest: f64 = 2.0, unit "", range 1.0..=20.0;
+        /// Deviation from a uniform change of tempo, as a share of the query.
+        radius: f64 = 0.1, unit "", range 0.0..=1.0;
+        /// What is removed before motions are compared.
+        normalisation: Normalisation = Normalisation::Offset;
+        /// Compare parts of all lengths, and not only of nine.
+        exhaustive: bool = false;
+        /// Choose the matches with the greatest sum of similarities, and not the most similar first.
+        optimal: bool = false;
+    }
+}
+ports! {
+    pub struct MotionQueryPorts / MotionQueryIo {
+        in {
+            /// The motion that is searched.
+            motion: Value<MotionCurve>,
+            /// The motion that the query is of, if it is another one.
+            source: Option<Value<MotionCurve>>,
+        }
+        out {
+            /// The matches.
+            matches: Value<MotionMatches>,
+        }
+    }
+}
+
+/// The node over [`find_matches`].
+#[derive(Debug)]
+pub struct MotionQuery;
+
+impl Func for MotionQuery {
+    type Params = MotionQueryParams;
+    type Ports = MotionQueryPorts;
+    const NAME: &'static str = "MotionQuery";
+
+    fn eval(p: &MotionQueryParams, cx: &Build<'_>, mut io: MotionQueryIo<'_>) -> Result<Summary, Fault> {
+        let rules = QueryRules {
+            shortest: p.shortest,
+            longest: p.longest,
+            threshold: p.threshold,
+            radius: p.radius,
+            normalisation: p.normalisation,
+            exhaustive: p.exhaustive,
+        };
+        let source = io.source.unwrap_or(io.motion);
+        let found =
+            find_matches(io.motion, source, (p.from, p.to), rules, cx.monitor).map_err(|e| match e {
+                QueryError::Stopped => Fault::stopped(),
+                QueryError::Interval { .. } | QueryError::Flat { .. } => {
+                    Fault::new("F157", e.to_string()).at("from")
+                }
+                _ => Fault::new("F157", e.to_string()).at("motion"),
+            })?;
+        let windows = found.len();
+        let matches = without_overlap(found, p.optimal);
+        let least = matches.iter().map(|m| m.similarity).fold(1.0, f64::min);
+        let mut summary: Summary = vec![
+            ("matches", matches.len().into()),
+            ("least_similarity", least.into()),
+            ("windows", windows.into()),
+        ];
+        if matches.is_empty() {
+            let text = format!("nothing is as similar as {}: give a lower `threshold`", p.threshold);
+            summary.push(("warning", text.into()));
+        }
+        io.matches.set(MotionMatches { query: (p.from, p.to), threshold: p.threshold, matches });
+        Ok(summary)
+    }
+
+    fn trial(rng: &mut Rng) -> (MotionQueryParams, MemoryFiles) {
+        let from = rng.between(0.0, 3.0);
+        let p = MotionQueryParams {
+            from,
+            to: from + rng.between(0.5, 2.0),
+            threshold: rng.between(0.3, 0.9),
+            ..MotionQueryParams::trial(rng)
+        };
+        (
+            MotionQueryParams { exhaustive: false, shortest: 0.5, longest: 2.0, radius: 0.1, ..p },
+            MemoryFiles::default(),
+        )
+    }
+}

@@ -1,0 +1,135 @@
+use super::*;
+use crate::core::computation::unmonitored;
+use crate::core::random::Rng;
+
+fn curve(values: Vec<f32>, channels: usize) -> MotionCurve {
+    MotionCurve { rate: 60.0, channels, values, gaps: Vec::new() }
+}
+
+fn walk(n: usize, seed: u64) -> Vec<f32> {
+    let mut rng = Rng::new(seed);
+    let mut x = 0.0;
+    (0..n)
+        .map(|_| {
+            x = 0.99 * x + rng.between(-1.0, 1.0);
+            x as f32
+        })
+        .collect()
+}
+
+/// The definition, without any bound.
+fn naive(curve: &MotionCurve, interval: (f64, f64), rules: QueryRules) -> Vec<MotionMatch> {
+    let query = Query::new(curve, curve, interval, rules).unwrap();
+    let mut found = Vec::new();
+    for len in query.lengths() {
+        for start in 0..=curve.frames() - len {
+            let mut window = Vec::new();
+            for j in 0..query.frames {
+                let at = j as f64 * (len - 1) as f64 / (query.frames - 1) as f64;
+                let (k, t) = (at as usize, at - at.floor());
+                for c in 0..curve.channels {
+                    let x = |k: usize| curve.values[(start + k.min(len - 1)) * curve.channels + c];
+                    window.push(x(k) + t as f32 * (x(k + 1) - x(k)));
+                }
+            }
+            for c in 0..curve.channels {
+                let own = |k: usize| f64::from(curve.values[k * curve.channels + c]);
+                let mean = (start..start + len).map(own).sum::<f64>() / len as f64;
+                let square = (start..start + len).map(|k| (own(k) - mean).powi(2)).sum::<f64>() / len as f64;
+                let (mean, factor) = match rules.normalisation {
+                    Normalisation::None => (0.0, 1.0),
+                    Normalisation::Offset => (mean, 1.0),
+                    Normalisation::ZScore => (mean, 1.0 / square.sqrt()),
+                };
+                let own = window.iter_mut().skip(c).step_by(curve.channels);
+                own.for_each(|x| *x = ((f64::from(*x) - mean) * factor) as f32);
+            }
+            let d = distance(&query.values, &window, curve.channels, query.radius, 1e9).unwrap();
+            let similarity = (-d / (query.frames as f64).sqrt() / query.deviation).exp();
+            if similarity >= rules.threshold {
+                let at = |k: usize| k as f64 / curve.rate;
+                found.push(MotionMatch { from: at(start), to: at(start + len), similarity });
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn bounds_leave_nothing_out() {
+    for seed in 0..12 {
+        let channels = 1 + seed as usize % 2;
+        let curve = curve(walk(600 * channels, seed), channels);
+        let normalisation =
+            [Normalisation::Offset, Normalisation::ZScore, Normalisation::None][seed as usize % 3];
+        let rules =
+            QueryRules { threshold: 0.35, normalisation, exhaustive: seed % 4 == 3, ..QueryRules::default() };
+        let interval = (2.0, 2.0 + 0.4 + 0.05 * seed as f64);
+        let fast = find_matches(&curve, &curve, interval, rules, &unmonitored).unwrap();
+        let slow = naive(&curve, interval, rules);
+        assert!(slow.len() > 3, "seed {seed}: {}", slow.len());
+        // At the threshold rounding decides.
+        let sure = |all: &[MotionMatch]| {
+            all.iter().filter(|m| m.similarity > 0.3505).map(|m| (m.from, m.to)).collect::<Vec<_>>()
+        };
+        assert_eq!(sure(&fast), sure(&slow), "seed {seed}");
+        for (a, b) in fast.iter().zip(&slow).take(if fast.len() == slow.len() { 9999 } else { 0 }) {
+            assert!((a.similarity - b.similarity).abs() < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn planted_repetitions_are_found_and_nothing_else() {
+    let mut rng = Rng::new(7);
+    let mut values = walk(6000, 3).into_iter().map(|x| 0.2 * x).collect::<Vec<f32>>();
+    let gesture =
+        |t: f64| 12.0 * ((7.0 * t).sin() * (-2.0 * t).exp() + 0.4 * (23.0 * t).sin() * t * (1.0 - t));
+    let mut planted = Vec::new();
+    for (k, stretch) in [1.0, 0.5, 0.7, 1.3, 2.0, 1.0].into_iter().enumerate() {
+        let (start, len) = (400 + 900 * k, (60.0 * stretch) as usize);
+        let offset = 20.0 * k as f64;
+        for j in 0..len {
+            let noise = rng.between(-0.4, 0.4);
+            values[start + j] = (offset + gesture(j as f64 / (len - 1) as f64) + noise) as f32;
+        }
+        planted.push((start as f64 / 60.0, (start + len) as f64 / 60.0));
+    }
+    let curve = curve(values, 1);
+    let found = find_matches(&curve, &curve, planted[0], QueryRules::default(), &unmonitored).unwrap();
+    let found = without_overlap(found, false);
+    assert_eq!(found.len(), planted.len(), "{found:?}");
+    for (m, (from, to)) in found.iter().zip(&planted) {
+        assert!((m.from - from).abs() < 0.15 && (m.to - to).abs() < 0.15, "{m:?} {from} {to}");
+    }
+    assert!((found[0].similarity - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn overlaps_are_left_out() {
+    let m = |from: f64, to: f64, similarity: f64| MotionMatch { from, to, similarity };
+    let all = vec![m(0.0, 1.0, 0.8), m(0.9, 2.0, 0.9), m(2.0, 3.0, 0.8), m(5.0, 6.0, 0.7), m(5.0, 5.5, 0.7)];
+    let greedy = without_overlap(all.clone(), false);
+    assert_eq!(greedy, [all[1], all[2], all[4]]);
+    assert_eq!(without_overlap(all.clone(), true)[..2], [all[1], all[2]]);
+    let tight = vec![m(0.0, 1.0, 0.8), m(0.9, 2.0, 0.9), m(1.9, 3.0, 0.8)];
+    assert_eq!(without_overlap(tight.clone(), false), [tight[1]]);
+    assert_eq!(without_overlap(tight.clone(), true), [tight[0], tight[2]]);
+}
+
+#[test]
+fn gaps_are_passed_over_and_bad_queries_are_refused() {
+    let mut gapped = curve((0..600).map(|k| (0.3 * k as f32).sin()).collect(), 1);
+    gapped.gaps = vec![(200, 400)];
+    let found = find_matches(&gapped, &gapped, (0.5, 1.0), QueryRules::default(), &unmonitored).unwrap();
+    assert!(found.iter().all(|m| m.to * 60.0 <= 200.5 || m.from * 60.0 >= 399.5) && !found.is_empty());
+    let error = |c: &MotionCurve, interval| {
+        find_matches(c, c, interval, QueryRules::default(), &unmonitored).unwrap_err().to_string()
+    };
+    assert!(error(&gapped, (9.0, 11.0)).contains("the curve ends at 10.000 s"));
+    assert!(error(&gapped, (1.0, 1.02)).contains("at least 4 frames"));
+    assert!(error(&curve(vec![2.0; 100], 1), (0.5, 1.0)).contains("flat"));
+    assert!(error(&curve(vec![], 1), (0.5, 1.0)).contains("no frame"));
+    let stopped = find_matches(&gapped, &gapped, (0.5, 1.0), QueryRules::default(), &|_| true);
+    assert_eq!(stopped, Err(QueryError::Stopped));
+}

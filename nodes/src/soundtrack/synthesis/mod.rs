@@ -1,0 +1,14 @@
+//! Textures from models: each node of the output is chosen by its ancestors, its predecessors and a score.
+
+mod choice;
+mod classes;
+mod output;
+pub mod position;
+pub mod rules;
+pub mod soundtrack_report;
+pub mod synthesizer;
+pub mod texture_synthesis;
+
+pub use position::{SourcePosition, SourcePositions};
+pub use rules::{PredecessorCount, SynthesisCounts, SynthesisRules, WeightBias};
+pub use synthesizer::{RootPicks, Synthesizer};

@@ -1,0 +1,120 @@
+//! Rules of a synthesis, and counts of what happened.
+
+use crate::core::node::Summary;
+use crate::{choices, impl_state};
+
+/// How similar predecessors are counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PredecessorCount {
+    /// Those in a row, from the nearest on.
+    Consecutive,
+    /// All of them.
+    Total,
+}
+
+choices! { @param PredecessorCount {
+    /// Those in a row, from the nearest on.
+    Consecutive,
+    /// All of them.
+    Total,
+} }
+
+/// How a weight between -1 and 1 acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WeightBias {
+    /// As a probability: with the share `p` of chance, `p + (1 - p) |w|`.
+    Probability,
+    /// A wanted node is chosen `1 + 9 w` times as often as another one, an unwanted node `1 - |w|` times.
+    Monotone,
+    /// As in the paper: the weight of a wanted node is `w`, that of others 0.1.
+    Paper,
+}
+
+choices! { @param WeightBias {
+    /// As a probability: with the share `p` of chance, `p + (1 - p) |w|`.
+    Probability,
+    /// A wanted node is chosen `1 + 9 w` times as often as another one, an unwanted node `1 - |w|` times.
+    Monotone,
+    /// As in the paper: the weight of a wanted node is `w`, that of others 0.1.
+    Paper,
+} }
+
+/// Rules of a synthesis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SynthesisRules {
+    /// Number of predecessors that are compared.
+    pub predecessors: usize,
+    /// The same for roots.
+    pub root_predecessors: usize,
+    /// How similar predecessors are counted.
+    pub count: PredecessorCount,
+    /// Time by which a wanted sound is prepared, s.
+    pub look_ahead: f64,
+    /// Share of the match of other nodes that a wanted node must reach, and the other way round.
+    pub quality: f64,
+    /// How weights act.
+    pub bias: WeightBias,
+    /// Factor on the chance of a node for each time it was chosen lately; 1 for none.
+    pub repetition: f64,
+    /// How long a choice counts for `repetition`, s.
+    pub memory: f64,
+    /// Longest stretch of a recording that is repeated as it is, s, as long as there is another choice.
+    pub max_run: Option<f64>,
+    /// Greatest number of candidates of one kind that are compared; of more, this many are taken at equal distances.
+    pub candidates: usize,
+}
+
+impl Default for SynthesisRules {
+    fn default() -> Self {
+        Self {
+            predecessors: 5,
+            root_predecessors: 16,
+            count: PredecessorCount::Consecutive,
+            look_ahead: 1.0,
+            quality: 0.7,
+            bias: WeightBias::Probability,
+            repetition: 1.0,
+            memory: 2.0,
+            max_run: Some(1.0),
+            candidates: 4096,
+        }
+    }
+}
+
+/// What happened in a synthesis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SynthesisCounts {
+    /// Nodes that were matched.
+    pub steps: u64,
+    /// Candidates that were left at the end, over all nodes.
+    pub candidates: u64,
+    /// Nodes whose choice matches only some of their ancestors.
+    pub partial: u64,
+    /// Nodes of certain constraints without a similar candidate: the most similar node was taken.
+    pub approximate: u64,
+    /// Nodes whose wanted candidates matched too badly.
+    pub discarded: u64,
+    /// Nodes whose successors could not be prepared.
+    pub unprepared: u64,
+    /// Lists of candidates that were too long.
+    pub capped: u64,
+}
+
+impl_state!(SynthesisCounts { steps, candidates, partial, approximate, discarded, unprepared, capped });
+
+impl SynthesisCounts {
+    /// Figures for the summary of a run.
+    #[must_use]
+    pub fn figures(&self) -> Summary {
+        let share = |n: u64| n as f64 / self.steps.max(1) as f64;
+        vec![
+            ("steps", self.steps.into()),
+            ("candidates_mean", share(self.candidates).into()),
+            ("partial", self.partial.into()),
+            ("approximate", self.approximate.into()),
+            ("discarded", self.discarded.into()),
+            ("unprepared", self.unprepared.into()),
+            ("capped", self.capped.into()),
+        ]
+    }
+}

@@ -1,0 +1,258 @@
+//! The node `SoundtrackReport`.
+
+use super::position::{SourcePosition, SourcePositions};
+use crate::core::fault::{Fault, Reject};
+use crate::core::node::{Class, Node, Summary};
+use crate::core::ports::{Fold, Stream, Value};
+use crate::core::shape::{Build, Shape};
+use crate::plot::{Chart, Line};
+use crate::soundtrack::score::{ScoreSource, SoundScore};
+use crate::soundtrack::wavelet::TextureModel;
+use crate::table::ResultTable;
+use crate::{archive_state, params, ports};
+
+params! {
+    /// Reports where the sounds of a texture come from: lengths of the stretches that are copied, and how well a score is satisfied.
+    ///
+    /// `table` has a row for each target of the score: the sounds, the interval, the mean weight, and the share of its time that is of the sounds.
+    /// Tapped as SVG it draws the time in the recordings against the time of the output, the curves of the score, and the stretches by length.
+    ///
+    /// # Source
+    /// Figure 4 of Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003): intervals, weighting curves and the result.
+    pub struct SoundtrackReportParams {}
+}
+ports! {
+    pub struct SoundtrackReportPorts / SoundtrackReportIo {
+        in {
+            /// Where the samples come from.
+            positions: Stream<SourcePositions>,
+            /// The model.
+            model: Value<TextureModel>,
+            /// The score.
+            score: Option<Value<SoundScore>>,
+        }
+        out {
+            /// Targets and their satisfaction.
+            table: Fold<ResultTable>,
+        }
+    }
+}
+
+/// Longest output, in pairs of samples: an hour at 96 kHz.
+const MAX_POSITIONS: i64 = 172_800_000;
+/// Points of a line in the figure.
+const POINTS: usize = 3000;
+
+/// The node `SoundtrackReport`.
+#[derive(Debug)]
+pub struct SoundtrackReport {
+    positions: Vec<SourcePosition>,
+    rate: f64,
+    limit: usize,
+}
+
+/// Lengths of the stretches of recordings that are copied, in positions.
+fn runs(positions: &[SourcePosition]) -> Vec<usize> {
+    let mut all = Vec::new();
+    let mut run = 0;
+    for (k, position) in positions.iter().enumerate() {
+        let goes_on = k.checked_sub(1).is_some_and(|before| {
+            let before = positions[before];
+            before.recording == position.recording && before.frame + 2 == position.frame
+        });
+        if !goes_on && run > 0 {
+            all.push(run);
+            run = 0;
+        }
+        run += 1;
+    }
+    all.extend((run > 0).then_some(run));
+    all
+}
+
+/// True if a position is within a sound. `names` are the recordings of the model.
+fn is_of(position: &SourcePosition, source: &ScoreSource, names: &[&str]) -> bool {
+    let recording = match &source.recording {
+        None => Some(0),
+        Some(name) => names.iter().position(|n| n == name || n.ends_with(&format!("/{name}"))),
+    };
+    let t = f64::from(position.seconds);
+    recording == Some(position.recording as usize)
+        && source.segments.iter().any(|(from, to)| t >= from - 1e-4 && t < *to)
+}
+
+impl SoundtrackReport {
+    fn fill(&self, table: &mut ResultTable, score: &SoundScore, names: &[&str]) -> f64 {
+        let (mut weighted, mut total) = (0.0, 0.0);
+        for target in &score.targets {
+            let points = &target.curve.points;
+            let (Some(first), Some(last)) = (points.first(), points.last()) else { continue };
+            let at = |t: f64| ((t * self.rate).round().max(0.0) as usize).min(self.positions.len());
+            let own = &self.positions[at(first.0)..at(last.0).max(at(first.0))];
+            let sounds = || target.sources.iter().filter_map(|k| score.sources.get(*k));
+            let count = own.iter().filter(|p| sounds().any(|s| is_of(p, s, names))).count();
+            let share = (!own.is_empty()).then(|| count as f64 / own.len() as f64);
+            let area: f64 = points.windows(2).map(|p| 0.5 * (p[0].1 + p[1].1) * (p[1].0 - p[0].0)).sum();
+            let weight = area / (last.0 - first.0).max(1e-12);
+            table.push([
+                score.names(&target.sources).into(),
+                first.0.into(),
+                last.0.into(),
+                weight.into(),
+                share.into(),
+            ]);
+            if let Some(share) = share.filter(|_| weight > 0.0) {
+                weighted += share * (last.0 - first.0);
+                total += last.0 - first.0;
+            }
+        }
+        if total > 0.0 { weighted / total } else { 0.0 }
+    }
+
+    fn charts(&self, score: Option<&SoundScore>, names: &[&str], runs: &[usize]) -> Vec<Chart> {
+        let stride = self.positions.len().div_ceil(POINTS).max(1);
+        let mut lines: Vec<Line> = Vec::new();
+        for (k, name) in names.iter().enumerate().take(8) {
+            let own =
+                self.positions.iter().enumerate().step_by(stride).filter(|(_, p)| p.recording as usize == k);
+            let points = own.map(|(n, p)| [n as f64 / self.rate, f64::from(p.seconds)]).collect();
+            lines.push(Line::dots(name.rsplit('/').next().unwrap_or(name), points));
+        }
+        let time = ("time of the output, s", false);
+        let mut charts =
+            vec![Chart::of("where the sound comes from", time, ("time in the recording, s", false), lines)];
+        if let Some(score) = score {
+            let mut lines: Vec<Line> = Vec::new();
+            for (k, source) in score.sources.iter().enumerate().take(8) {
+                let own = score.targets.iter().filter(|t| t.sources.contains(&k));
+                let mut points = Vec::new();
+                for target in own {
+                    let curve = &target.curve.points;
+                    points.extend(curve.first().map(|p| [p.0, 0.0]));
+                    points.extend(curve.iter().map(|p| [p.0, p.1]));
+                    points.extend(curve.last().map(|p| [p.0, 0.0]));
+                }
+                lines.push(Line::new(source.name.clone(), points));
+            }
+            charts.push(Chart::of("score", time, ("weight", false), lines));
+        }
+        // The share of the time in stretches that are no longer than each.
+        let mut sorted = runs.to_vec();
+        sorted.sort_unstable();
+        let total: usize = sorted.iter().sum();
+        let mut sum = 0;
+        let mut points = Vec::new();
+        for run in sorted {
+            sum += run;
+            points.push([run as f64 / self.rate, sum as f64 / total.max(1) as f64]);
+        }
+        points.dedup_by(|b, a| {
+            if a[0] == b[0] {
+                a[1] = b[1];
+                true
+            } else {
+                false
+            }
+        });
+        let line = vec![Line::new("share of the time", points)];
+        charts.push(Chart::of("stretches that are copied", ("length, s", true), ("share", false), line));
+        charts
+    }
+}
+
+impl Node for SoundtrackReport {
+    type Params = SoundtrackReportParams;
+    type Ports = SoundtrackReportPorts;
+    const NAME: &'static str = "SoundtrackReport";
+    const CLASS: Class = Class::Offline;
+
+    fn shape(_: &SoundtrackReportParams, s: &mut Shape<'_, '_, SoundtrackReportPorts>) -> Result<(), Reject> {
+        let positions = s.input(SoundtrackReportPorts::positions);
+        if positions.items().is_none_or(|n| n > MAX_POSITIONS) {
+            let reject = Reject::new("F156", "the output is endless, or longer than a report is made of");
+            return Err(reject.at("positions").help("give the TextureSynthesis a `duration`"));
+        }
+        s.ends(positions.end);
+        Ok(())
+    }
+
+    fn build(_: &SoundtrackReportParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let positions = cx.input(SoundtrackReportPorts::positions);
+        let limit = positions.items().unwrap_or(0).clamp(0, MAX_POSITIONS) as usize;
+        Ok(Self { positions: Vec::with_capacity(limit), rate: positions.rate.as_f64(), limit })
+    }
+
+    fn run(&mut self, io: SoundtrackReportIo<'_>) -> Result<(), Fault> {
+        let items = io.positions.items();
+        let left = self.limit - self.positions.len();
+        self.positions.extend_from_slice(&items[..items.len().min(left)]);
+        Ok(())
+    }
+
+    fn finish(&mut self, mut io: SoundtrackReportIo<'_>) -> Result<Summary, Fault> {
+        let names: Vec<&str> = io.model.tree.sources.iter().map(|s| s.name.as_str()).collect();
+        let mut table = ResultTable::new(&["sounds", "from_s", "to_s", "weight", "share"]);
+        let mut runs = runs(&self.positions);
+        let mut summary = Summary::new();
+        if let Some(score) = io.score {
+            let share = self.fill(&mut table, score, &names);
+            summary.push(("satisfaction", share.into()));
+        }
+        table.charts = self.charts(io.score, &names, &runs);
+        runs.sort_unstable();
+        let seconds = |run: Option<&usize>| run.map_or(0.0, |run| *run as f64 / self.rate);
+        let copied = 1.0 - runs.len() as f64 / self.positions.len().max(1) as f64;
+        summary.extend([
+            ("longest_run_s", seconds(runs.last()).into()),
+            ("median_run_s", seconds(runs.get(runs.len() / 2)).into()),
+            ("copied_share", copied.into()),
+        ]);
+        self.positions.clear();
+        io.table.set(table);
+        Ok(summary)
+    }
+
+    archive_state!(positions);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::feed::Feed;
+    use crate::core::item::{AnyValue, Data};
+    use crate::core::random::Rng;
+    use crate::core::standalone::Standalone;
+    use crate::core::time::Rate;
+    use crate::soundtrack::score::read_score;
+
+    #[test]
+    fn shares_and_stretches_are_counted() {
+        let position = |recording, frame| SourcePosition { recording, frame, seconds: frame as f32 / 8000.0 };
+        let mut positions: Vec<SourcePosition> = (0..2000).map(|k| position(0, 2 * k)).collect();
+        positions.extend((0..1000).map(|k| position(1, 2 * k)));
+        positions.extend((0..1000).map(|k| position(1, 2 * k)));
+        assert_eq!(runs(&positions), [2000, 1000, 1000]);
+        let score = read_score(
+            "SoundScore(sources: [(name: \"a\", segments: [(0.25, 0.5)]), (name: \"b\", segments: [(0, 0.125)], recording: \"b.wav\")],
+             targets: [(source: \"a\", from: 0, to: 0.5), (source: \"b\", from: 0.5, to: 1, weight: 0.5), (source: \"a\", from: 2, to: 3)])",
+        );
+        let run = Standalone::new::<SoundtrackReport>(SoundtrackReportParams {})
+            .input(SoundtrackReportPorts::positions, Rate::hz(4000), (), positions)
+            .value(SoundtrackReportPorts::model, TextureModel::trial(&mut Rng::new(1)))
+            .feed(SoundtrackReportPorts::score.index(), Feed::value(AnyValue::new(score.unwrap())))
+            .run()
+            .unwrap();
+        let value = run.value(0).unwrap();
+        let table: &ResultTable = value.get().unwrap();
+        assert_eq!(
+            table.csv(),
+            "sounds,from_s,to_s,weight,share\na,0,0.500000,1,0.500000\nb,0.500000,1,0.500000,0.500000\na,2,3,1,\n"
+        );
+        assert!(table.plot().unwrap().contains("stretches"));
+        let figure = |name| run.summary.iter().find(|(n, _)| *n == name).unwrap().1.as_f64().unwrap();
+        assert_eq!(
+            (figure("longest_run_s"), figure("median_run_s"), figure("satisfaction")),
+            (0.5, 0.25, 0.5)
+        );
+    }
+}

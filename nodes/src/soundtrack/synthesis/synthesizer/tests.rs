@@ -1,0 +1,425 @@
+use super::*;
+use crate::core::random::Rng;
+use crate::soundtrack::score::read_score;
+use crate::soundtrack::synthesis::WeightBias;
+use crate::soundtrack::wavelet::{ThresholdRules, TreeFit, TreeRecording, TreeRules, WaveletTree};
+
+const RATE: f64 = 1000.0;
+
+/// Noise whose colour and level change.
+fn texture(samples: usize, channels: usize, seed: u64) -> Vec<Vec<f32>> {
+    let mut rng = Rng::new(seed);
+    (0..channels)
+        .map(|_| {
+            let (mut x, mut y) = (0.0, 0.0);
+            (0..samples)
+                .map(|k| {
+                    let slow = (k as f64 / 97.0).sin();
+                    x = 0.6 * x + rng.between(-1.0, 1.0) * (1.2 + slow);
+                    y = 0.3 * y + x;
+                    (0.1 * y) as f32
+                })
+                .collect()
+        })
+        .collect()
+}
+
+fn model_of(recordings: Vec<Vec<Vec<f32>>>, fit: TreeFit, block: f64, quantile: f64) -> Arc<TextureModel> {
+    let recordings: Vec<TreeRecording> = recordings
+        .into_iter()
+        .enumerate()
+        .map(|(k, channels)| TreeRecording { name: format!("{k}.wav"), content: String::new(), channels })
+        .collect();
+    let rules = TreeRules { fit, block: Some(block), ..TreeRules::default() };
+    let tree = WaveletTree::analyse(RATE, &recordings, &rules).unwrap();
+    let threshold = (!(0.0..1.0).contains(&quantile)).then_some(quantile.max(0.0));
+    Arc::new(TextureModel::new(tree, &ThresholdRules { quantile, threshold, ..ThresholdRules::default() }))
+}
+
+fn constraints(model: &TextureModel, score: &str) -> Arc<Constraints> {
+    let text = format!("SoundScore({score})");
+    Arc::new(Constraints::new(&read_score(&text).unwrap(), &model.tree).unwrap())
+}
+
+/// Rules with no preference against repetition.
+fn free() -> SynthesisRules {
+    SynthesisRules { max_run: None, look_ahead: 0.0, ..SynthesisRules::default() }
+}
+
+/// The picks of all levels and roots.
+fn synthesised(
+    model: &Arc<TextureModel>,
+    constraints: &Arc<Constraints>,
+    rules: &SynthesisRules,
+    roots: usize,
+    seed: u64,
+) -> (Vec<Vec<u32>>, SynthesisCounts) {
+    let random = Random::new(seed, "texture");
+    let mut synthesizer =
+        Synthesizer::new(Arc::clone(model), Arc::clone(constraints), rules.clone(), random, 0, None);
+    let mut picks = vec![Vec::new(); model.tree.depth as usize];
+    for _ in 0..roots {
+        synthesizer.advance(None);
+        for (all, level) in picks.iter_mut().zip(&synthesizer.tree.levels) {
+            all.extend_from_slice(&level.picks[synthesizer.tree.history..]);
+        }
+    }
+    (picks, synthesizer.counts)
+}
+
+/// The same by comparing each node of the model, level by level over the whole output.
+fn naive(
+    model: &TextureModel,
+    constraints: &Constraints,
+    rules: &SynthesisRules,
+    roots: usize,
+    seed: u64,
+) -> Vec<Vec<u32>> {
+    let random = Random::new(seed, "texture");
+    let depth = model.tree.depth as usize;
+    let mut picks: Vec<Vec<u32>> = (0..depth).map(|l| vec![NONE; roots << l]).collect();
+    for pass in 0..depth {
+        let level = pass.saturating_sub(1);
+        for node in 0..roots << level {
+            let pick = naive_choice(model, constraints, rules, &random, &picks, level, node, pass == 0);
+            if pass == 0 {
+                picks[0][node] = pick;
+            } else {
+                picks[level + 1][2 * node] = 2 * pick;
+                picks[level + 1][2 * node + 1] = 2 * pick + 1;
+            }
+        }
+    }
+    picks
+}
+
+#[allow(clippy::too_many_arguments)]
+fn naive_choice(
+    model: &TextureModel,
+    constraints: &Constraints,
+    rules: &SynthesisRules,
+    random: &Random,
+    picks: &[Vec<u32>],
+    level: usize,
+    node: usize,
+    is_root: bool,
+) -> u32 {
+    let similar = |level: usize, a: u32, b: u32| {
+        let (a, b) = (source_value(model, level, a), source_value(model, level, b));
+        a.iter().zip(b).all(|(a, b)| (a - b).abs() <= model.thresholds[level])
+    };
+    let ancestors = |c: u32| {
+        if is_root {
+            return 1;
+        }
+        (0..=level).take_while(|up| similar(level - up, c >> up, picks[level - up][node >> up])).count()
+    };
+    let predecessors = |c: u32| {
+        let k = if level == 0 { rules.root_predecessors } else { rules.predecessors };
+        let ok = |j: &usize| {
+            *j <= node
+                && predecessor(model, level, c, *j as u32)
+                    .is_some_and(|m| similar(level, m, picks[level][node - j]))
+        };
+        match rules.count {
+            PredecessorCount::Consecutive => (1..=k).take_while(ok).count(),
+            PredecessorCount::Total => (1..=k).filter(ok).count(),
+        }
+    };
+    let too_long = |c: u32| {
+        let (at, first, node, count) =
+            if is_root { (0, c, node, 1) } else { (level + 1, 2 * c, 2 * node, 2) };
+        let Some(longest) = rules.max_run else { return false };
+        let (mut run, n0) = (count, node);
+        let (mut m, mut n) = (first, node);
+        while n > 0 && predecessor(model, at, m, 1) == Some(picks[at][n - 1]) {
+            (m, n, run) = (picks[at][n - 1], n - 1, run + 1);
+        }
+        let root = if is_root { n0 } else { n0 >> (level + 1) } as u64;
+        let share = 0.25 + 0.75 * random.uniform(0, root, 2);
+        run > count && f64::from(run) * model.tree.span(at) as f64 > longest * share * model.tree.rate
+    };
+    let best = |admits: &dyn Fn(u32) -> bool| {
+        let mut found: Option<Best> = None;
+        for c in
+            (0..model.tree.nodes(level) as u32).filter(|c| admits(*c) && !model.tree.is_masked(level, *c))
+        {
+            let (a, b) = (ancestors(c), predecessors(c));
+            if a == 0 {
+                continue;
+            }
+            match &mut found {
+                Some(best) if (a, b) == (best.ancestors, best.predecessors) => best.nodes.push(c),
+                Some(best) if (a, b) < (best.ancestors, best.predecessors) => {}
+                _ => found = Some(Best { ancestors: a, predecessors: b, nodes: vec![c] }),
+            }
+        }
+        found
+    };
+    let any = best;
+    let best = |admits: &dyn Fn(u32) -> bool| any(&|c| admits(c) && !too_long(c)).or_else(|| any(admits));
+    let span = model.tree.span(level) as f64;
+    let at = |node: f64| (node * span / RATE, (node + 1.0) * span / RATE);
+    let mut forbidden = Vec::new();
+    let (from, to) = at(node as f64);
+    let own = constraints.at(from, to, Some(&mut forbidden));
+    let distance = (rules.look_ahead * RATE / span).round();
+    let (from, to) = at(node as f64 + distance);
+    let later = constraints.at(from, to, None).filter(|_| distance > 0.0);
+    let inside = |c: Constraint, m: u32| {
+        let set = &constraints.sets[c.set];
+        if c.weight > 0.0 { set.included[level].contains(m) } else { !set.excluded[level].contains(m) }
+    };
+    let after = |c: u32| {
+        let source = &model.tree.sources[model.tree.source_of(c >> level)];
+        let m = c + distance as u32;
+        (m < (source.first + source.roots) << level).then_some(m)
+    };
+    let allowed = |c: u32| !forbidden.iter().any(|set| constraints.sets[*set].excluded[level].contains(c));
+    let now = |c: u32| own.is_none_or(|own| inside(own, c));
+    let then = |c: u32| later.is_none_or(|later| after(c).is_some_and(|m| inside(later, m)));
+    let index = node as u64;
+    let entity = if is_root { 0 } else { level as u32 + 1 };
+    let pick = |best: Best| draw(&best.nodes, |_| 1.0, random.uniform(entity, index, 0)).unwrap();
+    // The node that differs least.
+    let least = |admits: &dyn Fn(u32) -> bool| {
+        let between = |level: usize, a: u32, b: u32| {
+            let pairs = source_value(model, level, a).iter().zip(source_value(model, level, b));
+            f64::from(pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max))
+        };
+        let difference = |c: u32| {
+            let up = 0..APPROXIMATE_ANCESTORS.min(level + 1);
+            let above: f64 = up.map(|up| between(level - up, c >> up, picks[level - up][node >> up])).sum();
+            let left = 1..=rules.predecessors.min(node);
+            let before = left.map(|j| {
+                between(level, predecessor(model, level, c, j as u32).unwrap(), picks[level][node - j])
+            });
+            before.fold(if is_root { 0.0 } else { above }, |sum, x| sum + x)
+        };
+        let nodes = (0..model.tree.nodes(level) as u32).filter(|c| admits(*c) && !too_long(*c));
+        nodes.min_by(|a, b| difference(*a).total_cmp(&difference(*b))).unwrap()
+    };
+    let Some(main) = own.or(later) else { return best(&allowed).map_or_else(|| least(&allowed), pick) };
+    if main.is_hard && own.is_some() {
+        let wanted = best(&|c| allowed(c) && now(c) && then(c)).or_else(|| best(&|c| allowed(c) && now(c)));
+        return wanted.map_or_else(|| least(&|c| allowed(c) && now(c)), pick);
+    }
+    let pair = |is_wanted: &dyn Fn(u32) -> bool| {
+        let of = |limited: bool| {
+            let kind = |kind: bool| any(&|c| allowed(c) && is_wanted(c) == kind && !(limited && too_long(c)));
+            match (kind(true), kind(false)) {
+                (Some(w), Some(v)) if !is_root && is_discarded(&w, &v, rules.quality) => (None, Some(v)),
+                (Some(w), Some(v)) if !is_root && is_discarded(&v, &w, rules.quality) => (Some(w), None),
+                both => both,
+            }
+        };
+        if of(true) == (None, None) { of(false) } else { of(true) }
+    };
+    let mut both = pair(&|c| now(c) && then(c));
+    if both.0.is_none() && own.is_some() && later.is_some() {
+        both = pair(&now);
+    }
+    match both {
+        (Some(w), Some(v)) => {
+            let p = probability(rules, main.weight, w.nodes.len() as f64, v.nodes.len() as f64);
+            pick(if random.uniform(0, (node >> level) as u64, 1) < p { w } else { v })
+        }
+        (Some(w), None) => pick(w),
+        (None, Some(v)) => pick(v),
+        (None, None) => least(&allowed),
+    }
+}
+
+#[test]
+fn the_search_finds_what_comparing_all_nodes_finds() {
+    for seed in 0..50_u64 {
+        let channels = 1 + seed as usize % 2;
+        let quantile = [0.02, 0.1, 0.25, 0.5][seed as usize % 4];
+        let fit = [TreeFit::Circular, TreeFit::PadReflect, TreeFit::Trim][seed as usize % 3];
+        let model = model_of(
+            vec![texture(1100, channels, seed), texture(700, channels, seed + 99)],
+            fit,
+            0.13,
+            quantile,
+        );
+        let rules = SynthesisRules { max_run: (seed % 2 == 0).then_some(0.2), ..free() };
+        let none = Arc::new(Constraints::default());
+        let (fast, counts) = synthesised(&model, &none, &rules, 12, seed);
+        assert_eq!(fast, naive(&model, &none, &rules, 12, seed), "seed {seed}");
+        assert!(counts.capped == 0 && counts.steps == 12 * 64, "{counts:?}");
+    }
+}
+
+#[test]
+fn the_directed_search_finds_what_comparing_all_nodes_finds() {
+    let mut seen = SynthesisCounts::default();
+    for seed in 0..30_u64 {
+        let quantile = [0.1, 0.25, 0.5][seed as usize % 3];
+        let model = model_of(
+            vec![texture(1500, 1, seed), texture(700, 1, seed + 99)],
+            TreeFit::Circular,
+            0.13,
+            quantile,
+        );
+        let bias = [WeightBias::Probability, WeightBias::Monotone, WeightBias::Paper][seed as usize % 3];
+        let count = [PredecessorCount::Consecutive, PredecessorCount::Total][seed as usize % 2];
+        let rules = SynthesisRules { bias, count, look_ahead: [0.0, 0.1][seed as usize % 2], ..free() };
+        let score = "sources: [(name: \"a\", segments: [(0.2, 0.5), (0.8, 0.9)]), (name: \"b\", segments: [(0.05, 0.3)], recording: \"1.wav\"),
+            (name: \"c\", segments: [(0.5, 0.7)])],
+            targets: [(source: \"a\", curve: [(0.1, 0), (0.3, 1), (0.6, 1), (0.7, 0.2)]), (source: \"b\", from: 0.55, to: 0.9, weight: 0.5),
+            (source: \"a\", from: 0.9, to: 1.2, weight: -0.7), (source: \"c\", from: 0.2, to: 1.3, weight: -1)]";
+        let directed = constraints(&model, score);
+        let (fast, counts) = synthesised(&model, &directed, &rules, 12, seed);
+        assert_eq!(fast, naive(&model, &directed, &rules, 12, seed), "seed {seed}");
+        seen.partial += counts.partial;
+        seen.discarded += counts.discarded;
+        seen.unprepared += counts.unprepared;
+    }
+    assert!(seen.partial > 0 && seen.discarded > 0 && seen.unprepared > 0, "{seen:?}");
+}
+
+#[test]
+fn an_undirected_choice_matches_all_its_ancestors() {
+    let model = model_of(vec![texture(3000, 1, 3)], TreeFit::Circular, 0.13, 0.25);
+    let (_, counts) = synthesised(&model, &Arc::default(), &free(), 40, 1);
+    assert_eq!((counts.partial, counts.approximate), (0, 0));
+}
+
+#[test]
+fn with_threshold_0_whole_roots_follow_each_other_and_with_infinity_children_are_free() {
+    let model = model_of(vec![texture(3000, 1, 3)], TreeFit::Circular, 0.13, -1.0);
+    let (picks, _) = synthesised(&model, &Arc::default(), &free(), 30, 1);
+    let roots = model.tree.roots() as u32;
+    for (n, root) in picks[0].iter().enumerate() {
+        assert_eq!(*root, (picks[0][0] + n as u32) % roots);
+        let leaves = &picks[6][n << 6..(n + 1) << 6];
+        assert!(leaves.iter().enumerate().all(|(k, leaf)| *leaf == (root << 6) + k as u32));
+    }
+    let model = model_of(vec![texture(3000, 1, 3)], TreeFit::Circular, 0.13, 1e9);
+    let rules = SynthesisRules { predecessors: 0, root_predecessors: 0, candidates: usize::MAX, ..free() };
+    let (picks, _) = synthesised(&model, &Arc::default(), &rules, 200, 1);
+    // Each of the nodes of a level is as likely as any other.
+    let nodes = model.tree.nodes(3);
+    let mut found = vec![0_u32; nodes];
+    picks[3].iter().for_each(|m| found[*m as usize] += 1);
+    let expected = picks[3].len() as f64 / nodes as f64;
+    let chi: f64 = found.iter().map(|n| (f64::from(*n) - expected).powi(2) / expected).sum();
+    // Pairs of siblings are drawn together, which doubles the variance.
+    assert!(chi < 2.0 * (nodes as f64 + 4.0 * (2.0 * nodes as f64).sqrt()), "{chi} of {nodes}");
+}
+
+#[test]
+fn values_are_those_of_the_model_and_siblings_stay_together() {
+    let model = model_of(vec![texture(3000, 2, 5)], TreeFit::Circular, 0.13, 0.25);
+    let random = Random::new(2, "texture");
+    let mut s = Synthesizer::new(Arc::clone(&model), Arc::default(), free(), random, -3, None);
+    for root in -3..5 {
+        s.advance(None);
+        assert_eq!((s.picks().root, s.next_root()), (root, root + 1));
+        for level in 0..7 {
+            let picks = &s.tree.levels[level].picks[s.tree.history..];
+            for (node, pick) in picks.iter().enumerate() {
+                assert_eq!(&s.details(level)[2 * node..2 * node + 2], source_value(&model, level, *pick));
+                assert!(level == 0 || *pick % 2 == node as u32 % 2 && picks[node ^ 1] == pick ^ 1);
+            }
+        }
+    }
+}
+
+#[test]
+fn seeds_differ_and_one_seed_does_not() {
+    let model = model_of(vec![texture(3000, 1, 3)], TreeFit::Circular, 0.13, 0.25);
+    let of = |seed| synthesised(&model, &Arc::default(), &SynthesisRules::default(), 10, seed).0;
+    assert!(of(1) == of(1) && of(1) != of(2));
+}
+
+#[test]
+fn certain_constraints_hold_whatever_the_score() {
+    let mut rng = Rng::new(8);
+    for seed in 0..20 {
+        let model = model_of(
+            vec![texture(2000, 1, seed), texture(1500, 1, seed + 50)],
+            TreeFit::Circular,
+            0.13,
+            0.25,
+        );
+        let (from, a, b) = (rng.between(0.2, 0.8), rng.between(0.0, 1.2), rng.between(0.0, 0.7));
+        let score = format!(
+            "sources: [(name: \"a\", segments: [({a}, {})]), (name: \"b\", segments: [({b}, {})], recording: \"1.wav\")],
+             targets: [(source: \"a\", from: {from}, to: {}), (source: \"b\", from: 1.2, to: 1.9, weight: -1)]",
+            a + 0.3,
+            b + 0.4,
+            from + 0.4
+        );
+        let directed = constraints(&model, &score);
+        let rules = SynthesisRules { look_ahead: 0.05, ..SynthesisRules::default() };
+        let (picks, _) = synthesised(&model, &directed, &rules, 16, seed);
+        let leaves = &picks[6];
+        let sets = &directed.sets;
+        for (n, leaf) in leaves.iter().enumerate() {
+            // The span of the parent of the leaf.
+            let (start, end) = ((n / 2 * 4) as f64 / RATE, (n / 2 * 4 + 4) as f64 / RATE);
+            if start >= from && end <= from + 0.4 {
+                let near = [leaf.saturating_sub(1), *leaf, leaf + 1];
+                assert!(near.iter().any(|m| sets[0].included[6].contains(*m)), "seed {seed} leaf {n}");
+            }
+            if start >= 1.2 && end <= 1.9 {
+                assert!(!sets[1].included[6].contains(*leaf), "seed {seed} leaf {n}");
+            }
+        }
+    }
+}
+
+/// The share of the leaves between two times that are of the first set.
+fn share(picks: &[Vec<u32>], directed: &Constraints, from: f64, to: f64) -> f64 {
+    let leaves = &picks[6][(from * RATE / 2.0) as usize..(to * RATE / 2.0) as usize];
+    let found = leaves.iter().filter(|leaf| directed.sets[0].included[6].contains(**leaf)).count();
+    found as f64 / leaves.len() as f64
+}
+
+#[test]
+fn more_weight_means_more_of_a_sound() {
+    let model = model_of(vec![texture(8000, 1, 3)], TreeFit::Circular, 0.13, 0.25);
+    let mut shares = Vec::new();
+    for weight in [-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.0] {
+        let score = format!(
+            "sources: [(name: \"a\", segments: [(2, 5)])], targets: [(source: \"a\", from: 0, to: 40, weight: {weight:?})]"
+        );
+        let directed = constraints(&model, &score);
+        let (picks, _) = synthesised(
+            &model,
+            &directed,
+            &SynthesisRules { look_ahead: 0.0, ..SynthesisRules::default() },
+            300,
+            7,
+        );
+        shares.push(share(&picks, &directed, 1.0, 37.0));
+    }
+    assert!(shares.windows(2).all(|pair| pair[1] >= pair[0] - 0.03), "{shares:?}");
+    assert!(shares[0] == 0.0 && shares[7] == 1.0, "{shares:?}");
+}
+
+#[test]
+fn sounds_that_were_chosen_lately_are_chosen_less() {
+    let model = model_of(vec![texture(4000, 1, 3)], TreeFit::Circular, 0.13, 0.4);
+    let returns = |repetition: f64| {
+        let rules = SynthesisRules { repetition, memory: 1.0, ..free() };
+        let (picks, _) = synthesised(&model, &Arc::default(), &rules, 200, 4);
+        // Nodes of a middle level that return within a second.
+        let level = &picks[4];
+        (128..level.len()).filter(|n| level[n - 128..*n].contains(&level[*n])).count()
+    };
+    let (without, with) = (returns(1.0), returns(0.05));
+    assert!(2 * with < without, "{with} {without}");
+}
+
+#[test]
+fn silence_and_one_value_are_synthesised_too() {
+    for (x, y) in [(0.0, 0.0), (0.5, 0.5), (0.0, 0.4)] {
+        let samples: Vec<f32> = (0..3000).map(|k| if k < 1500 { x } else { y }).collect();
+        let model = model_of(vec![vec![samples]], TreeFit::Circular, 0.13, 0.25);
+        let rules = SynthesisRules { candidates: 50, ..SynthesisRules::default() };
+        let (_, counts) = synthesised(&model, &Arc::default(), &rules, 10, 1);
+        assert!(counts.steps == 640 && counts.capped > 0, "{counts:?}");
+    }
+}

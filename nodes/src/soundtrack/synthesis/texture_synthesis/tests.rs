@@ -1,0 +1,178 @@
+use super::*;
+use crate::core::feed::Feed;
+use crate::core::item::AnyValue;
+use crate::core::random::Random;
+use crate::core::standalone::Standalone;
+use crate::soundtrack::score::read_score;
+use crate::soundtrack::wavelet::{ThresholdRules, TreeRecording, TreeRules, WaveletTree, inverse};
+
+const RATE: Rate = Rate::hz(8000);
+
+/// Low noise for a second, then high noise for a second, in each recording.
+fn model(channels: usize) -> TextureModel {
+    let mut rng = Rng::new(3);
+    let mut channel = || {
+        let (mut low, mut last) = (0.0, 0.0);
+        (0..16_000)
+            .map(|k| {
+                let x = rng.between(-1.0, 1.0);
+                low = 0.95 * low + 0.1 * x;
+                let high = 0.5 * (x - last);
+                last = x;
+                (0.4 * if k < 8000 { low } else { high }) as f32
+            })
+            .collect::<Vec<f32>>()
+    };
+    let channels = (0..channels).map(|_| channel()).collect();
+    let recording = TreeRecording { name: "a.wav".into(), content: String::new(), channels };
+    let rules = TreeRules { block: Some(0.05), ..TreeRules::default() };
+    TextureModel::new(WaveletTree::analyse(8000.0, &[recording], &rules).unwrap(), &ThresholdRules::default())
+}
+
+fn score(text: &str) -> SoundScore {
+    read_score(&format!("SoundScore(sources: [(name: \"low\", segments: [(0.1, 0.9)]), (name: \"high\", segments: [(1.1, 1.9)])], targets: [{text}])")).unwrap()
+}
+
+fn params() -> TextureSynthesisParams {
+    let p = TextureSynthesisParams::read(&|_| None).unwrap();
+    TextureSynthesisParams { rate: RATE, duration: Some(2.0), reaction: 1.0, ..p }
+}
+
+fn standalone(p: TextureSynthesisParams, channels: usize) -> Standalone {
+    Standalone::new::<TextureSynthesis>(p).value(TextureSynthesisPorts::model, model(channels))
+}
+
+fn with_score(p: TextureSynthesisParams, text: &str) -> Standalone {
+    standalone(p, 1).feed(TextureSynthesisPorts::score.index(), Feed::value(AnyValue::new(score(text))))
+}
+
+fn audio(run: &Standalone) -> Vec<f32> {
+    run.run().unwrap().stream(TextureSynthesisPorts::audio)
+}
+
+#[test]
+fn windows_of_any_length_give_the_same_samples() {
+    let whole = standalone(params(), 1).run().unwrap();
+    let positions = whole.stream(TextureSynthesisPorts::positions);
+    let whole = whole.stream(TextureSynthesisPorts::audio);
+    assert_eq!((whole.len(), positions.len()), (16_000, 8000));
+    for seconds in [0.001, 0.0137, 0.3] {
+        let run = standalone(params(), 1).window(ticks(seconds)).run().unwrap();
+        assert_eq!(run.stream(TextureSynthesisPorts::audio), whole, "{seconds}");
+        assert_eq!(run.stream(TextureSynthesisPorts::positions), positions, "{seconds}");
+    }
+}
+
+#[test]
+fn the_stream_equals_the_inverse_of_the_whole_tree() {
+    let whole = audio(&standalone(params(), 1));
+    let model = Arc::new(model(1));
+    let random = Random::new(standalone(params(), 1).seed, "solo");
+    let reach = model.tree.wavelet.reach() as i64 + 1;
+    let mut s =
+        Synthesizer::new(Arc::clone(&model), Arc::default(), params().rules(), random, -reach, Some(2.0));
+    let mut all = crate::soundtrack::wavelet::Coefficients {
+        approximation: Vec::new(),
+        details: vec![Vec::new(); model.tree.depth as usize],
+    };
+    let span = model.tree.span(0);
+    for _ in -reach..(16_000 / span) as i64 + reach + 1 {
+        s.advance(None);
+        all.approximation.extend(s.approximation().iter().map(|x| f64::from(*x)));
+        for (l, level) in all.details.iter_mut().enumerate() {
+            level.extend(s.details(l).iter().map(|x| f64::from(*x)));
+        }
+    }
+    let x = inverse(model.tree.wavelet, &all);
+    for (k, y) in whole.iter().enumerate() {
+        let x = x[k + reach as usize * span];
+        assert!((x - f64::from(*y)).abs() < 1e-5, "{k}: {x} {y}");
+    }
+}
+
+/// Power of the differences between neighbours over the power: about 0.05 for the low sound, 3 for the high one.
+fn roughness(x: &[f32]) -> f64 {
+    let power: f64 = x.iter().map(|x| f64::from(*x).powi(2)).sum();
+    x.windows(2).map(|p| f64::from(p[1] - p[0]).powi(2)).sum::<f64>() / power
+}
+
+#[test]
+fn a_score_places_sounds_and_positions_state_them() {
+    let text = "(source: \"low\", from: 0, to: 1), (source: \"high\", from: 1, to: 2)";
+    let run = with_score(params(), text).run().unwrap();
+    let x = run.stream(TextureSynthesisPorts::audio);
+    assert!(
+        roughness(&x[..6000]) < 0.2 && roughness(&x[10_000..]) > 1.5,
+        "{} {}",
+        roughness(&x[..6000]),
+        roughness(&x[10_000..])
+    );
+    let positions = run.stream(TextureSynthesisPorts::positions);
+    assert!(positions[..3900].iter().all(|p| p.recording == 0 && p.seconds > 0.099 && p.seconds < 0.901));
+    assert!(positions[4100..].iter().all(|p| p.seconds > 1.099 && p.seconds < 1.901));
+    assert!(positions.iter().all(|p| (f64::from(p.frame) / 8000.0 - f64::from(p.seconds)).abs() < 1e-6));
+}
+
+#[test]
+fn a_later_change_of_the_score_leaves_what_is_earlier() {
+    let p = || TextureSynthesisParams { look_ahead: Some(0.1), ..params() };
+    let before = "(source: \"low\", from: 0.2, to: 0.5)";
+    let a = audio(&with_score(p(), before));
+    let b = audio(&with_score(p(), &format!("{before}, (source: \"high\", from: 1.5, to: 1.8)")));
+    let span = model(1).tree.span(0);
+    // The ramp before the target, the look-ahead, and five blocks.
+    let same = (1.45 - 0.1) * 8000.0 - 5.0 * span as f64;
+    let differs = a.iter().zip(&b).position(|(a, b)| a != b).unwrap();
+    assert!(differs as f64 > same && differs < 12_000, "{differs} {same}");
+}
+
+#[test]
+fn weights_of_a_stream_equal_those_of_a_score() {
+    let rate = Rate::hz(100);
+    let items: Vec<f32> = (0..200).flat_map(|k| if k < 100 { [1.0, 0.0] } else { [0.0, 1.0] }).collect();
+    let streamed = with_score(params(), "")
+        .feed(TextureSynthesisPorts::weights.index(), Feed::stream::<f32>(rate, Channels(2), items));
+    let mut score = score("(source: \"low\", from: 0, to: 1), (source: \"high\", from: 1, to: 10)");
+    score.pad = Some(0.0);
+    let scored =
+        standalone(params(), 1).feed(TextureSynthesisPorts::score.index(), Feed::value(AnyValue::new(score)));
+    assert_eq!(audio(&streamed), audio(&scored));
+    assert_eq!(audio(&streamed.window(ticks(0.013))), audio(&scored));
+}
+
+#[test]
+fn channels_are_those_of_the_model_or_their_mean() {
+    let stereo = audio(&standalone(TextureSynthesisParams { channels: 2, ..params() }, 2));
+    let mono = audio(&standalone(params(), 2));
+    assert_eq!(stereo.len(), 32_000);
+    for (frame, mean) in stereo.chunks_exact(2).zip(&mono) {
+        assert!(((frame[0] + frame[1]) / 2.0 - mean).abs() < 1e-6);
+    }
+    let both = audio(&standalone(TextureSynthesisParams { channels: 2, ..params() }, 1));
+    assert!(both.chunks_exact(2).all(|frame| frame[0] == frame[1]));
+    let e = standalone(TextureSynthesisParams { channels: 3, ..params() }, 2).run().err().unwrap();
+    assert!(e.message.contains("the model has 2 channels"), "{e}");
+}
+
+#[test]
+fn what_does_not_fit_is_named() {
+    let error = |run: Standalone| run.run().err().unwrap();
+    let e = error(standalone(TextureSynthesisParams { rate: Rate::hz(16_000), ..params() }, 1));
+    assert!(e.code == "F155" && e.message.contains("the model has 8000 Hz"), "{e}");
+    let e = error(with_score(
+        params(),
+        "(source: \"low\", from: 0, to: 1),\n(source: \"high\", from: 0.5, to: 1)",
+    ));
+    assert!(e.code == "F156" && e.message.starts_with("2:1: high is certain from 0.5 s to 1 s"), "{e}");
+    let weights = |channels: u16| {
+        let items = vec![0.0; 10 * usize::from(channels)];
+        Feed::stream::<f32>(Rate::hz(100), Channels(channels), items)
+    };
+    let e = error(with_score(params(), "").feed(TextureSynthesisPorts::weights.index(), weights(3)));
+    assert!(e.message.contains("there are 3 weights, and the score has 2 sounds"), "{e}");
+    let short = TextureSynthesisParams { reaction: 0.1, ..params() };
+    let e = error(with_score(short, "").feed(TextureSynthesisPorts::weights.index(), weights(2)));
+    assert!(e.message.contains("act by 0.260 s early"), "{e}");
+    let e = error(standalone(params(), 1).feed(TextureSynthesisPorts::weights.index(), weights(2)));
+    assert!(e.message.contains("no score"), "{e}");
+}

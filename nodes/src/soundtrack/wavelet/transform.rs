@@ -1,0 +1,239 @@
+//! The discrete wavelet transform, whole and periodic, and its inverse as a stream.
+
+use super::family::Wavelet;
+use crate::impl_state;
+use rustfft::FftNum;
+
+/// Taps of one filter for the samples of one parity: `taps[j]` belongs to index `first + j`.
+#[derive(Clone, Debug)]
+struct Phase<T> {
+    parity: usize,
+    first: isize,
+    taps: Vec<T>,
+}
+
+/// The filters of a wavelet in one precision.
+///
+/// With low-pass `h` and high-pass `g` of `F` taps, a step of the analysis is `a[n] = sum_k h[k] x[2n + k - (F/2 - 1)]`, and the same with `g`
+/// for the detail `d`; the offset centres each node on its span. The synthesis is its transpose. Both are periodic.
+///
+/// # Complexity
+/// `F` multiplications and additions a sample and level.
+///
+/// # Source
+/// Mallat, "A Wavelet Tour of Signal Processing" (3rd ed.), section 7.3. Equal to PyWavelets' mode `periodization`.
+#[derive(Clone, Debug)]
+pub struct FilterBank<T> {
+    /// Low-pass and high-pass of the analysis, each by parity of the input.
+    analysis: [[Phase<T>; 2]; 2],
+    /// The same of the synthesis, each by parity of the output.
+    synthesis: [[Phase<T>; 2]; 2],
+    /// Greatest index that the synthesis of the samples `2q` and `2q + 1` needs, less `q`.
+    ahead: usize,
+    /// The least such index, below `q`.
+    behind: usize,
+}
+
+/// A number as `T`; all numbers of this module fit.
+fn real<T: FftNum>(x: f64) -> T {
+    T::from_f64(x).unwrap_or_else(T::zero)
+}
+
+impl<T: FftNum> FilterBank<T> {
+    /// The filters of a wavelet.
+    #[must_use]
+    pub fn new(wavelet: Wavelet) -> Self {
+        let filters = [wavelet.low_pass().to_vec(), wavelet.high_pass()];
+        let offset = filters[0].len() as isize / 2 - 1;
+        let phase = |filter: &[f64], shift: &dyn Fn(isize) -> Option<isize>, parity: usize| {
+            let mut all: Vec<(isize, T)> = filter
+                .iter()
+                .enumerate()
+                .filter_map(|(k, h)| shift(k as isize).map(|at| (at, real(*h))))
+                .collect();
+            all.sort_by_key(|(at, _)| *at);
+            Phase {
+                parity,
+                first: all.first().map_or(0, |(at, _)| *at),
+                taps: all.into_iter().map(|(_, h)| h).collect(),
+            }
+        };
+        let half = |x: isize| (x.rem_euclid(2) == 0).then(|| x.div_euclid(2));
+        let analysis = filters
+            .each_ref()
+            .map(|filter| [0, 1].map(|p| phase(filter, &|k| half(k - offset - p as isize), p)));
+        let synthesis = filters
+            .each_ref()
+            .map(|filter| [0, 1].map(|p| phase(filter, &|k| half(p as isize + offset - k), p)));
+        let ends =
+            |of: &dyn Fn(&Phase<T>) -> isize| synthesis.iter().flatten().map(of).max().unwrap_or(0).max(0);
+        let ahead = ends(&|phase| phase.first + phase.taps.len() as isize - 1) as usize;
+        let behind = ends(&|phase| -phase.first) as usize;
+        Self { analysis, synthesis, ahead, behind }
+    }
+
+    /// One step of the periodic analysis: approximation and detail of half the length of `x`, whose length is even.
+    #[must_use]
+    pub fn analyse(&self, x: &[T]) -> (Vec<T>, Vec<T>) {
+        let n = x.len() / 2;
+        let pad = self.analysis[0][0].taps.len() + 1;
+        let phases = [0, 1].map(|p| {
+            let at = |k: isize| x[2 * k.rem_euclid(n.max(1) as isize) as usize + p];
+            let mut out = Vec::with_capacity(n + 2 * pad);
+            out.extend((-(pad as isize)..0).map(at));
+            out.extend(x.chunks_exact(2).map(|pair| pair[p]));
+            out.extend((n as isize..(n + pad) as isize).map(at));
+            out
+        });
+        let [low, high] = self.analysis.each_ref().map(|filter| {
+            let mut out = vec![T::zero(); n];
+            for phase in filter {
+                let from = (pad as isize + phase.first) as usize;
+                correlate(&phase.taps, &phases[phase.parity][from..], &mut out);
+            }
+            out
+        });
+        (low, high)
+    }
+
+    /// One step of the periodic synthesis, of an approximation and a detail of equal lengths.
+    #[must_use]
+    pub fn synthesise(&self, low: &[T], high: &[T]) -> Vec<T> {
+        let n = low.len();
+        let padded = [low, high].map(|x| {
+            let at = |k: isize| x[k.rem_euclid(n.max(1) as isize) as usize];
+            let (behind, end) = (self.behind as isize, (n + self.ahead) as isize);
+            (-behind..0).map(at).chain(x.iter().copied()).chain((n as isize..end).map(at)).collect::<Vec<T>>()
+        });
+        let mut out = Vec::with_capacity(2 * n);
+        self.interleave([&padded[0], &padded[1]], n, &mut out);
+        out
+    }
+
+    /// Appends `2 n` samples, from inputs that begin `behind` items before those at which the samples are.
+    fn interleave(&self, inputs: [&[T]; 2], n: usize, out: &mut Vec<T>) {
+        let mut phases = [vec![T::zero(); n], vec![T::zero(); n]];
+        for (filter, input) in self.synthesis.iter().zip(inputs) {
+            for phase in filter {
+                let from = (self.behind as isize + phase.first) as usize;
+                correlate(&phase.taps, &input[from..], &mut phases[phase.parity]);
+            }
+        }
+        let [even, odd] = &phases;
+        out.extend(even.iter().zip(odd).flat_map(|(a, b)| [*a, *b]));
+    }
+}
+
+/// Adds to `out[n]` the sum over `k` of `taps[k] x[n + k]`.
+fn correlate<T: FftNum>(taps: &[T], x: &[T], out: &mut [T]) {
+    fn fixed<T: FftNum, const K: usize>(taps: &[T], x: &[T], out: &mut [T]) {
+        let Some(taps) = taps.first_chunk::<K>() else { return };
+        for (out, x) in out.iter_mut().zip(x.windows(K)) {
+            let mut sum = *out;
+            for k in 0..K {
+                sum = sum + taps[k] * x[k];
+            }
+            *out = sum;
+        }
+    }
+    match taps.len() {
+        1 => fixed::<T, 1>(taps, x, out),
+        2 => fixed::<T, 2>(taps, x, out),
+        3 => fixed::<T, 3>(taps, x, out),
+        4 => fixed::<T, 4>(taps, x, out),
+        5 => fixed::<T, 5>(taps, x, out),
+        6 => fixed::<T, 6>(taps, x, out),
+        7 => fixed::<T, 7>(taps, x, out),
+        8 => fixed::<T, 8>(taps, x, out),
+        9 => fixed::<T, 9>(taps, x, out),
+        _ => fixed::<T, 10>(taps, x, out),
+    }
+}
+
+/// Approximation and details of a signal, coarsest first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coefficients<T> {
+    /// The approximation, one value per node of the coarsest level.
+    pub approximation: Vec<T>,
+    /// Level `l` has `2^l` values for each of the approximation.
+    pub details: Vec<Vec<T>>,
+}
+
+/// Periodic transform over `depth` levels.
+///
+/// # Shapes
+/// The length of `x` is a multiple of `2^depth`; what is beyond is left out.
+///
+/// # Complexity
+/// Linear.
+#[must_use]
+pub fn forward<T: FftNum>(wavelet: Wavelet, depth: u32, x: &[T]) -> Coefficients<T> {
+    let bank = FilterBank::new(wavelet);
+    let mut approximation = x[..x.len() >> depth << depth].to_vec();
+    let mut details = Vec::with_capacity(depth as usize);
+    for _ in 0..depth {
+        let (low, high) = bank.analyse(&approximation);
+        approximation = low;
+        details.push(high);
+    }
+    details.reverse();
+    Coefficients { approximation, details }
+}
+
+/// The inverse of [`forward`].
+#[must_use]
+pub fn inverse<T: FftNum>(wavelet: Wavelet, coefficients: &Coefficients<T>) -> Vec<T> {
+    let bank = FilterBank::new(wavelet);
+    let mut x = coefficients.approximation.clone();
+    for detail in &coefficients.details {
+        x = bank.synthesise(&x, detail);
+    }
+    x
+}
+
+/// The inverse transform of a tree that grows root by root, without wrap: what precedes it is silence.
+///
+/// After root `n` the samples of the roots up to `n - R` are complete, with `R` the [reach](Wavelet::reach) of the wavelet.
+///
+/// # Complexity
+/// Per root, linear in its samples; memory of two roots.
+#[derive(Clone, Debug)]
+pub struct StreamingInverse<T> {
+    bank: FilterBank<T>,
+    /// Per level, approximation and detail, from `behind` items before the next pair on.
+    levels: Vec<[Vec<T>; 2]>,
+}
+
+impl<T: FftNum> StreamingInverse<T> {
+    /// The inverse over `depth` levels, before the first root.
+    #[must_use]
+    pub fn new(wavelet: Wavelet, depth: u32) -> Self {
+        let bank = FilterBank::<T>::new(wavelet);
+        let empty = vec![T::zero(); bank.behind];
+        let levels = vec![[empty.clone(), empty]; depth as usize];
+        Self { bank, levels }
+    }
+
+    /// Adds a root: its approximation, and its nodes of each level, from `detail(level)`. Appends all samples that are complete.
+    pub fn add<'a>(&mut self, approximation: T, detail: impl Fn(usize) -> &'a [T], out: &mut Vec<T>)
+    where
+        T: 'a,
+    {
+        let Self { bank, levels } = self;
+        let mut low = vec![approximation];
+        for (l, [lows, highs]) in levels.iter_mut().enumerate() {
+            lows.append(&mut low);
+            highs.extend_from_slice(detail(l));
+            let n = lows.len().min(highs.len()).saturating_sub(bank.behind + bank.ahead);
+            bank.interleave([lows, highs], n, &mut low);
+            lows.drain(..n);
+            highs.drain(..n);
+        }
+        out.append(&mut low);
+    }
+}
+
+impl_state!(StreamingInverse<f32> { levels });
+
+#[cfg(test)]
+mod tests;
