@@ -7,5 +7,6 @@ mod cli;
 mod cloth;
 mod lang;
 mod live;
+mod numbers;
 mod run;
 mod scrape;

@@ -86,7 +86,7 @@ fn synthesise(model: &Arc<TextureModel>, score: &str, seconds: f64) -> (Vec<f32>
 }
 
 fn transform() {
-    let x: Vec<f64> = noise(960_000 / (1 << 14) << 14, 1).into_iter().map(f64::from).collect();
+    let x: Vec<f64> = noise((960_000 >> 14) << 14, 1).into_iter().map(f64::from).collect();
     let single: Vec<f32> = x.iter().map(|x| *x as f32).collect();
     let c = forward(Wavelet::Db5, 14, &x);
     let c32 = forward(Wavelet::Db5, 14, &single);
@@ -303,7 +303,7 @@ fn direction() {
         );
         let (y, leaves, _) = synthesise(&model, &score, 100.0);
         let (from, to) = ((5.0 * rate / 2.0) as u32, (12.0 * rate / 2.0) as u32);
-        let share = leaves.iter().filter(|m| (from..to).contains(m)).count() as f64 / leaves.len() as f64;
+        let share = leaves.iter().filter(|m| (from..to).contains(*m)).count() as f64 / leaves.len() as f64;
         let s = statistics(&y, rate);
         let difference = s.iter().zip(&source).map(|(a, b)| (a - b).abs()).sum::<f64>() / s.len() as f64;
         println!("{weight:5.2}: {:5.1} %, {difference:.2} dB", 100.0 * share);

@@ -65,6 +65,19 @@ pub mod recordings {
     };
 }
 
+/// Soundtracks that follow motion: textures, scores, queries.
+pub mod soundtrack {
+    pub use crate::soundtrack::matching::{
+        QueryRules, best_path, candidates, cuts, find_matches, without_overlap,
+    };
+    pub use crate::soundtrack::motion::{MotionCurve, read_curve_table};
+    pub use crate::soundtrack::score::{Constraints, SoundScore, read_edits, read_score, write_score};
+    pub use crate::soundtrack::synthesis::{SynthesisRules, Synthesizer};
+    pub use crate::soundtrack::wavelet::{
+        StreamingInverse, TextureModel, ThresholdRules, TreeRecording, TreeRules, Wavelet, WaveletTree,
+    };
+}
+
 /// Where sounds are heard: distance, pan, head and obstacles.
 pub mod spatial {
     pub use crate::core::time::Rate;

@@ -113,12 +113,15 @@ use crate::soundtrack::matching::fragment_path::FragmentPathNode;
 use crate::soundtrack::matching::match_score::MatchScore;
 use crate::soundtrack::matching::motion_query::MotionQuery;
 use crate::soundtrack::matching::path_score::PathScore;
+use crate::soundtrack::matching::sound_spot::SoundSpot;
 use crate::soundtrack::motion::contact_curve::ContactCurve;
 use crate::soundtrack::motion::curve_file::CurveFile;
 use crate::soundtrack::motion::motion_curve::MotionCurveNode;
 use crate::soundtrack::motion::pose_curve::PoseCurve;
 use crate::soundtrack::score::edl_to_score::EdlToScore;
+use crate::soundtrack::score::quiet_score::QuietScore;
 use crate::soundtrack::score::score_file::ScoreFile;
+use crate::soundtrack::score::score_out::ScoreOut;
 use crate::soundtrack::synthesis::soundtrack_report::SoundtrackReport;
 use crate::soundtrack::synthesis::texture_synthesis::TextureSynthesis;
 use crate::soundtrack::wavelet::texture_model::TextureModelNode;
@@ -472,6 +475,8 @@ impl Registry {
             .with_func::<TextureModelFile>()
             .with_func::<ScoreFile>()
             .with_func::<EdlToScore>()
+            .with::<ScoreOut>()
+            .with_func::<QuietScore>()
             .with::<TextureSynthesis>()
             .with::<SoundtrackReport>()
             .with::<CurveFile>()
@@ -480,6 +485,7 @@ impl Registry {
             .with::<MotionCurveNode>()
             .with_func::<MotionQuery>()
             .with_func::<MatchScore>()
+            .with_func::<SoundSpot>()
             .with_func::<FragmentPathNode>()
             .with_func::<PathScore>()
             .family("live")

@@ -10,6 +10,8 @@ pub mod path;
 pub mod path_score;
 pub mod query;
 pub mod segmentation;
+pub mod sound_spot;
+pub mod spotting;
 
 pub use dtw::{distance, envelope};
 pub use fragments::{FragmentRules, candidates};
@@ -17,3 +19,4 @@ pub use matches::{MotionMatch, MotionMatches, match_weight};
 pub use path::{FragmentPath, PathRules, best_path};
 pub use query::{Normalisation, QueryError, QueryRules, find_matches, without_overlap};
 pub use segmentation::{SegmentRules, SegmentVariant, cuts, smoothed};
+pub use spotting::{SpotError, spots};

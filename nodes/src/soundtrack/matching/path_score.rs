@@ -10,7 +10,7 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
 use crate::soundtrack::score::{Outside, ScoreSource, ScoreTarget, SoundScore, WeightCurve};
-use crate::soundtrack::wavelet::{TreeSource, WaveletTree};
+use crate::soundtrack::wavelet::WaveletTree;
 use crate::{params, ports};
 use std::collections::BTreeMap;
 
@@ -91,9 +91,7 @@ impl Func for PathScore {
             return Err(Fault::new("F156", message).at("least").help("give `least` no more than `greatest`"));
         }
         let name = &p.recording.0;
-        let is_named = |s: &TreeSource| s.name == *name || s.name.ends_with(&format!("/{name}"));
-        let found = if name.is_empty() { Some(0) } else { tree.sources.iter().position(is_named) };
-        let Some(source) = found.filter(|k| *k < tree.sources.len()) else {
+        let Some(source) = tree.find(name) else {
             let names: Vec<&str> = tree.sources.iter().map(|s| s.name.as_str()).collect();
             let message = format!("there is no recording {name:?}; recordings are {}", names.join(", "));
             return Err(Fault::new("F156", message).at("recording"));

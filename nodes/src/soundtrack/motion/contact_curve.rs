@@ -146,7 +146,6 @@ impl Node for ContactCurve {
 mod tests {
     use super::*;
     use crate::core::item::Event;
-    use crate::core::params::Params;
     use crate::core::random::Rng;
     use crate::core::standalone::Standalone;
     use crate::core::time::ticks;
@@ -159,12 +158,7 @@ mod tests {
     }
 
     fn measured(measure: ContactMeasure, full: Option<f64>) -> Vec<f32> {
-        let p = ContactCurveParams {
-            measure,
-            full,
-            rate: Rate::hz(10),
-            ..ContactCurveParams::read(&|_| None).unwrap()
-        };
+        let p = ContactCurveParams { measure, full, rate: Rate::hz(10) };
         let events = vec![
             (ticks(0.1), state(1, 2.0, false)),
             (ticks(0.2), state(1, 1.0, false)),

@@ -3,7 +3,7 @@
 use super::curve::{MeanCurve, WeightCurve, contains};
 use super::model::{DEFAULT_PAD, Outside, ScoreSource, SoundScore};
 use crate::artefact::text::{Location, TextError};
-use crate::soundtrack::wavelet::{TreeSource, WaveletTree};
+use crate::soundtrack::wavelet::WaveletTree;
 use std::collections::HashSet;
 
 /// End of what has no end, s.
@@ -284,13 +284,7 @@ impl WeightStream<'_> {
 /// The segments of a sound, in samples from the first root on.
 fn segments(source: &ScoreSource, tree: &WaveletTree) -> Result<Vec<(u64, u64)>, TextError> {
     let wrong = |message: String| Err(wrong(source.location, message));
-    let found = match &source.recording {
-        None => tree.sources.first(),
-        Some(name) => {
-            let is_named = |s: &&TreeSource| s.name == *name || s.name.ends_with(&format!("/{name}"));
-            tree.sources.iter().find(is_named)
-        }
-    };
+    let found = tree.find(source.recording.as_deref().unwrap_or_default()).and_then(|k| tree.sources.get(k));
     let Some(recording) = found else {
         let names: Vec<&str> = tree.sources.iter().map(|s| s.name.as_str()).collect();
         let wanted = source.recording.as_deref().unwrap_or_default();

@@ -5,10 +5,15 @@ pub mod curve;
 pub mod edit_list;
 pub mod edl_to_score;
 pub mod model;
+pub mod quiet;
+pub mod quiet_score;
 pub mod score_file;
+pub mod score_out;
 pub mod text;
 
 pub use constraints::{Constraint, Constraints, NodeSet, SourceSet, WeightStream};
 pub use curve::WeightCurve;
+pub use edit_list::{Edit, EditList, EditRules, edits_to_score, read_edits};
 pub use model::{MAX_TARGETS, Outside, ScoreSource, ScoreTarget, SoundScore};
+pub use quiet::{quiet_passages, share_within};
 pub use text::{read_score, write_score};

@@ -84,7 +84,6 @@ impl SoundScore {
 
 impl Data for SoundScore {
     const NAME: &'static str = "sound score";
-    const FILES: bool = true;
 
     fn trial(rng: &mut Rng) -> Self {
         let source = |name: &str, from: f64| ScoreSource {
@@ -100,11 +99,7 @@ impl Data for SoundScore {
             location: Location::default(),
         };
         let targets = vec![target(0, 0.0), target(1, 0.05), target(0, 0.1)];
-        let sources = vec![source("a", 0.0), source("b", 0.03)];
+        let sources = vec![source("a", 0.0), source("b", 0.03), source("c", 0.05)];
         Self { file: String::new(), duration: None, sources, targets, pad: None }
-    }
-
-    fn file(&self) -> Option<Vec<u8>> {
-        Some(super::text::write_score(self, &[]).into_bytes())
     }
 }

@@ -1,9 +1,11 @@
 //! The node `ScoreFile`.
 
 use super::model::SoundScore;
-use crate::artefact::value_file::{Artefact, check, read, trial};
+use super::text::write_score;
+use crate::artefact::value_file::{Artefact, check, read};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
+use crate::core::item::Data;
 use crate::core::node::{Func, Summary};
 use crate::core::params::AssetPath;
 use crate::core::ports::Value;
@@ -57,7 +59,8 @@ impl Func for ScoreFile {
     }
 
     fn trial(rng: &mut Rng) -> (ScoreFileParams, MemoryFiles) {
-        let (path, files) = trial::<SoundScore>("battle.score.ron", rng);
-        (ScoreFileParams { path }, files)
+        let mut files = MemoryFiles::default();
+        files.insert("battle.score.ron", write_score(&SoundScore::trial(rng), &[]).into_bytes());
+        (ScoreFileParams { path: "battle.score.ron".into() }, files)
     }
 }

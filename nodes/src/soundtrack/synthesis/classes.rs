@@ -92,7 +92,7 @@ impl Classes {
             for parent in parents.0..parents.1 {
                 let child = 2 * self.nodes[parent as usize];
                 for child in [child, child + 1] {
-                    if matches(model, out, level, node, child) {
+                    if !model.is_redundant(level, child) && matches(model, out, level, node, child) {
                         self.nodes.push(child);
                     }
                 }

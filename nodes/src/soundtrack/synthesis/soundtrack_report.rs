@@ -7,7 +7,7 @@ use crate::core::ports::{Fold, Stream, Value};
 use crate::core::shape::{Build, Shape};
 use crate::plot::{Chart, Line};
 use crate::soundtrack::score::{ScoreSource, SoundScore};
-use crate::soundtrack::wavelet::TextureModel;
+use crate::soundtrack::wavelet::{TextureModel, WaveletTree};
 use crate::table::ResultTable;
 use crate::{archive_state, params, ports};
 
@@ -70,19 +70,15 @@ fn runs(positions: &[SourcePosition]) -> Vec<usize> {
     all
 }
 
-/// True if a position is within a sound. `names` are the recordings of the model.
-fn is_of(position: &SourcePosition, source: &ScoreSource, names: &[&str]) -> bool {
-    let recording = match &source.recording {
-        None => Some(0),
-        Some(name) => names.iter().position(|n| n == name || n.ends_with(&format!("/{name}"))),
-    };
+/// True if a position is within a sound.
+fn is_of(position: &SourcePosition, source: &ScoreSource, tree: &WaveletTree) -> bool {
     let t = f64::from(position.seconds);
-    recording == Some(position.recording as usize)
+    tree.find(source.recording.as_deref().unwrap_or_default()) == Some(position.recording as usize)
         && source.segments.iter().any(|(from, to)| t >= from - 1e-4 && t < *to)
 }
 
 impl SoundtrackReport {
-    fn fill(&self, table: &mut ResultTable, score: &SoundScore, names: &[&str]) -> f64 {
+    fn fill(&self, table: &mut ResultTable, score: &SoundScore, tree: &WaveletTree) -> f64 {
         let (mut weighted, mut total) = (0.0, 0.0);
         for target in &score.targets {
             let points = &target.curve.points;
@@ -90,7 +86,7 @@ impl SoundtrackReport {
             let at = |t: f64| ((t * self.rate).round().max(0.0) as usize).min(self.positions.len());
             let own = &self.positions[at(first.0)..at(last.0).max(at(first.0))];
             let sounds = || target.sources.iter().filter_map(|k| score.sources.get(*k));
-            let count = own.iter().filter(|p| sounds().any(|s| is_of(p, s, names))).count();
+            let count = own.iter().filter(|p| sounds().any(|s| is_of(p, s, tree))).count();
             let share = (!own.is_empty()).then(|| count as f64 / own.len() as f64);
             let area: f64 = points.windows(2).map(|p| 0.5 * (p[0].1 + p[1].1) * (p[1].0 - p[0].0)).sum();
             let weight = area / (last.0 - first.0).max(1e-12);
@@ -195,7 +191,7 @@ impl Node for SoundtrackReport {
         let mut runs = runs(&self.positions);
         let mut summary = Summary::new();
         if let Some(score) = io.score {
-            let share = self.fill(&mut table, score, &names);
+            let share = self.fill(&mut table, score, &io.model.tree);
             summary.push(("satisfaction", share.into()));
         }
         table.charts = self.charts(io.score, &names, &runs);

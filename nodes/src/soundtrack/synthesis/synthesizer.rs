@@ -203,18 +203,21 @@ impl Synthesizer {
             let time = |sample: i64| sample as f64 / model.tree.rate;
             let samples = end.map(|end| (end * model.tree.rate) as i64);
             let from = (((root << level) + node as i64) * span).max(0);
-            let from = samples.map_or(from, |samples| from.min((samples - span).max(0)));
-            own = constraints.at(time(from), time(from + span), Some(&mut forbidden));
-            if let Some(weights) = weights {
-                own = weights.at(time(from), time(from + span), own, Some(&mut forbidden));
-            }
+            // What follows the end has the constraints of the end; a stream of weights goes on by itself.
+            let in_score = |from: i64| samples.map_or(from, |samples| from.min((samples - span).max(0)));
+            let constraint = |from: i64, mut forbidden: Option<&mut Vec<usize>>| {
+                let scored = in_score(from);
+                let found = constraints.at(time(scored), time(scored + span), forbidden.as_deref_mut());
+                match weights {
+                    Some(weights) => weights.at(time(from), time(from + span), found, forbidden),
+                    None => found,
+                }
+            };
+            own = constraint(from, Some(&mut forbidden));
             distance = (rules.look_ahead * model.tree.rate / span as f64).round() as u32;
             let ahead = from + i64::from(distance) * span;
             if distance > 0 && samples.is_none_or(|samples| ahead < samples) {
-                later = constraints.at(time(ahead), time(ahead + span), None);
-                if let Some(weights) = weights {
-                    later = weights.at(time(ahead), time(ahead + span), later, None);
-                }
+                later = constraint(ahead, None);
             }
         }
         // A fixed length would be heard as a rhythm.
@@ -222,6 +225,8 @@ impl Synthesizer {
             let share = SHORTEST_RUN + (1.0 - SHORTEST_RUN) * random.uniform(0, root as u64, 2);
             longest * share * model.tree.rate
         });
+        // A sound that is wanted already needs no preparation.
+        let later = later.filter(|later: &Constraint| own.is_none_or(|own: Constraint| own.set != later.set));
         let step = Step {
             longest,
             model,
@@ -274,10 +279,12 @@ impl Synthesizer {
         if let Some(own) = own.filter(|c| c.is_hard) {
             let set = &step.constraints.sets[own.set].included[level];
             let few = (set.len() <= FEW).then_some(set);
-            let mut best = step.best(classes, few, is_prepared);
-            if best.is_none() && both {
-                counts.unprepared += 1;
-                best = step.best(classes, few, is_now);
+            let mut best = step.best(classes, few, is_now);
+            if both && let Some(now) = &best {
+                let prepared = step.best(classes, few, is_prepared);
+                let prepared = prepared.filter(|prepared| !is_discarded(prepared, now, rules.quality));
+                counts.unprepared += u64::from(prepared.is_none());
+                best = prepared.or(best);
             }
             return best
                 .and_then(|best| pick(best, counts))
@@ -354,11 +361,9 @@ impl Step<'_> {
 
     fn is_allowed(&self, candidate: u32) -> bool {
         let level = self.level;
-        !(self.has_masks && self.model.tree.is_masked(level, candidate))
-            && !self
-                .forbidden
-                .iter()
-                .any(|set| self.constraints.sets[*set].excluded[level].contains(candidate))
+        let is_masked = self.has_masks && self.model.tree.is_masked(level, candidate);
+        let excluded = |set: &usize| self.constraints.sets[*set].excluded[level].contains(candidate);
+        !is_masked && !self.model.is_redundant(level, candidate) && !self.forbidden.iter().any(excluded)
     }
 
     /// True if a candidate would go on with a stretch of its recording beyond the longest.

@@ -12,7 +12,7 @@ use crate::core::ports::{Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::{Rate, ticks};
-use crate::soundtrack::score::{Constraints, SoundScore, WeightStream};
+use crate::soundtrack::score::{Constraints, ScoreTarget, SoundScore, WeightStream};
 use crate::soundtrack::wavelet::{StreamingInverse, TextureModel};
 use crate::{archive_state, params, ports};
 use std::collections::VecDeque;
@@ -66,7 +66,7 @@ params! {
         quality: f64 = 0.7, unit "", range 0.0..=1.0;
         /// Greatest number of equal candidates that are compared.
         candidates: usize = 4096, unit "", range 1..=16_777_216;
-        /// Time by which `weights` are read ahead: the look-ahead and five blocks must fit. It is the latency of the node if they are linked.
+        /// Time by which `weights` are read ahead: the look-ahead and five and a half blocks must fit. It is the latency of the node if they are linked.
         reaction: f64 = 4.0, unit "s", range 0.0..=600.0;
     }
 }
@@ -128,6 +128,7 @@ pub struct TextureSynthesis {
     first_position: i64,
     /// False before the first window.
     has_begun: bool,
+    warnings: Summary,
 }
 
 impl TextureSynthesis {
@@ -170,6 +171,28 @@ impl TextureSynthesis {
     }
 }
 
+/// A certain target that is so many times as long as its sounds repeats them audibly.
+const MAX_RATIO: f64 = 4.0;
+
+/// Warnings about targets that are long for their sounds.
+fn long_targets(score: &SoundScore) -> Summary {
+    let length = |segments: &[(f64, f64)]| segments.iter().map(|(from, to)| to - from).sum::<f64>();
+    let of_target = |target: &ScoreTarget| {
+        let sounds = target.sources.iter().filter_map(|k| score.sources.get(*k));
+        let source: f64 = sounds.map(|s| length(&s.segments)).sum();
+        let certain = length(&target.curve.plateaus(1.0));
+        let is_long = certain > MAX_RATIO * source;
+        is_long.then(|| {
+            let names = score.names(&target.sources);
+            let text = format!(
+                "{names} is certain for {certain:.2} s, and lasts {source:.2} s in the recording: it will repeat audibly"
+            );
+            ("warning", text.into())
+        })
+    };
+    score.targets.iter().filter_map(of_target).collect()
+}
+
 fn score_error(score: &SoundScore, e: &dyn std::fmt::Display) -> Fault {
     let file = if score.file.is_empty() { String::new() } else { format!("{:?}, ", score.file) };
     Fault::new("F156", format!("{file}{e}")).at("score")
@@ -191,7 +214,7 @@ impl Node for TextureSynthesis {
                     .at("weights")
                     .help("link a score with sounds, with or without targets, to `score`"));
             }
-            let ahead = (p.reaction * weights.rate.as_f64()).ceil() as usize + 1;
+            let ahead = (p.reaction * weights.rate.as_f64()).ceil() as usize;
             s.lookaround(TextureSynthesisPorts::weights, 1, ahead);
             s.when_ended(TextureSynthesisPorts::weights, Ends::Hold);
         }
@@ -223,6 +246,7 @@ impl Node for TextureSynthesis {
             Some(score) => Constraints::new(score, tree).map_err(|e| score_error(score, &e))?,
             None => Constraints::default(),
         };
+        let warnings = score.as_deref().map(long_targets).unwrap_or_default();
         if let Some(weights) = cx.optional(TextureSynthesisPorts::weights) {
             let sounds = score.map_or(0, |score| score.sources.len());
             if usize::from(weights.format.0) > sounds {
@@ -232,9 +256,10 @@ impl Node for TextureSynthesis {
                     .at("weights")
                     .help("give at most one channel for each sound, in order"));
             }
-            let needed =
-                (tree.wavelet.reach() as f64 + 1.0) * tree.span(0) as f64 / tree.rate + p.look_ahead();
-            if needed > p.reaction {
+            // The look-ahead is rounded to whole blocks.
+            let blocks = tree.wavelet.reach() as f64 + 1.5;
+            let needed = blocks * tree.span(0) as f64 / tree.rate + p.look_ahead();
+            if needed > p.reaction + 1e-9 {
                 let message =
                     format!("weights act by {needed:.3} s early, and `reaction` is {} s", p.reaction);
                 let help = "give a longer `reaction`, or a shorter `block` of the WaveletTree, `look_ahead` or wavelet";
@@ -252,6 +277,7 @@ impl Node for TextureSynthesis {
             positions: VecDeque::new(),
             first_position: 0,
             has_begun: false,
+            warnings,
             model,
         })
     }
@@ -300,7 +326,7 @@ impl Node for TextureSynthesis {
     }
 
     fn finish(&mut self, _: TextureSynthesisIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.synthesizer.counts.figures())
+        Ok([self.synthesizer.counts.figures(), std::mem::take(&mut self.warnings)].concat())
     }
 
     fn adopt(&mut self, old: &mut Self) {
@@ -318,16 +344,19 @@ impl Node for TextureSynthesis {
     archive_state!(synthesizer, each inverses, audio, first, positions, first_position, has_begun);
 
     fn trial(rng: &mut Rng) -> (TextureSynthesisParams, MemoryFiles) {
+        // Models of trials have blocks of 8 ms: all of `reaction` is needed.
+        let look_ahead = 0.004 + 0.008 * rng.below(8) as f64;
         let p = TextureSynthesisParams {
             duration: Some(rng.between(0.05, 0.6)),
             channels: 1,
             rate: Rate::hz(8000),
-            look_ahead: Some(rng.between(0.0, 0.1)),
+            look_ahead: Some(look_ahead),
             max_run: Some(rng.between(0.05, 0.5)),
             candidates: 100,
+            reaction: look_ahead + 0.044,
             ..TextureSynthesisParams::trial(rng)
         };
-        (TextureSynthesisParams { reaction: 1.5, ..p }, MemoryFiles::default())
+        (p, MemoryFiles::default())
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::choices;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// An orthogonal wavelet with compact support.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -95,7 +96,7 @@ impl Wavelet {
     #[must_use]
     pub fn low_pass(self) -> &'static [f64] {
         match self {
-            Self::Haar => &[0.7071067811865476, 0.7071067811865476],
+            Self::Haar => &[FRAC_1_SQRT_2, FRAC_1_SQRT_2],
             Self::Db2 => &[0.48296291314453416, 0.8365163037378079, 0.2241438680420134, -0.12940952255126037],
             Self::Db3 => &[
                 0.33267055295008263,

@@ -53,8 +53,10 @@ pub struct TextureModel {
     pub tree: WaveletTree,
     /// The threshold of each level.
     pub thresholds: Vec<f32>,
-    /// By level, all nodes in order of their values in the first channel.
+    /// By level, all nodes in order of their values in the first channel, without [redundant](Self::is_redundant) ones.
     order: Vec<Vec<u32>>,
+    /// By level, true for redundant nodes; empty if there is none.
+    redundant: Vec<Vec<bool>>,
 }
 
 /// What a file contains.
@@ -95,6 +97,28 @@ fn quantile(values: impl Iterator<Item = f32>, share: f64) -> f32 {
     *all.select_nth_unstable_by(k, f32::total_cmp).1
 }
 
+/// By level but for the leaves, the nodes that are 0 with all below them and precede such a node in their recording; empty if there is none.
+fn redundant(tree: &WaveletTree) -> Vec<Vec<bool>> {
+    let levels = tree.depth as usize;
+    let is_zero = |level: usize, m: usize| {
+        tree.details[level][m * tree.channels..(m + 1) * tree.channels].iter().all(|x| *x == 0.0)
+    };
+    let mut silent: Vec<bool> = (0..tree.nodes(levels - 1)).map(|m| is_zero(levels - 1, m)).collect();
+    let mut all = Vec::with_capacity(levels - 1);
+    for level in (0..levels - 1).rev() {
+        silent =
+            (0..tree.nodes(level)).map(|m| silent[2 * m] && silent[2 * m + 1] && is_zero(level, m)).collect();
+        let mut nodes: Vec<bool> = silent.windows(2).map(|pair| pair[0] && pair[1]).chain([false]).collect();
+        // The last node of a recording is not followed by the next recording.
+        for source in &tree.sources {
+            nodes[(((source.first + source.roots) as usize) << level) - 1] = false;
+        }
+        all.push(nodes);
+    }
+    all.reverse();
+    if all.iter().flatten().any(|is| *is) { all } else { Vec::new() }
+}
+
 impl TextureModel {
     /// Makes a model of a tree.
     ///
@@ -115,21 +139,32 @@ impl TextureModel {
     }
 
     fn indexed(tree: WaveletTree, thresholds: Vec<f32>) -> Self {
+        let redundant = redundant(&tree);
         let by_value = |level: usize| {
             // The sign is turned so that the order of the bits is that of the numbers.
             let key = |x: f32| {
                 let bits = (x + 0.0).to_bits();
                 if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
             };
-            let values = tree.details[level].iter().step_by(tree.channels);
-            let mut keys: Vec<u64> =
-                values.enumerate().map(|(m, x)| u64::from(key(*x)) << 32 | m as u64).collect();
+            let values = tree.details[level].iter().step_by(tree.channels).enumerate();
+            let is_left_out = |m: usize| redundant.get(level).is_some_and(|nodes| nodes[m]);
+            let mut keys: Vec<u64> = values
+                .filter(|(m, _)| !is_left_out(*m))
+                .map(|(m, x)| u64::from(key(*x)) << 32 | m as u64)
+                .collect();
             keys.sort_unstable();
             keys.into_iter().map(|key| key as u32).collect()
         };
         // The leaves are copied with their parents and are never searched.
         let order = (0..tree.depth as usize - 1).into_par_iter().map(by_value).collect();
-        Self { tree, thresholds, order }
+        Self { tree, thresholds, order, redundant }
+    }
+
+    /// True if a node and all below it are 0, and the next node and all below that too: of digital silence, the last node stands for all. What is
+    /// below a redundant node is redundant.
+    #[must_use]
+    pub fn is_redundant(&self, level: usize, node: u32) -> bool {
+        self.redundant.get(level).is_some_and(|nodes| nodes.get(node as usize).copied().unwrap_or(false))
     }
 
     /// The nodes of a level whose value in the first channel is similar to `value`.
@@ -181,6 +216,29 @@ mod tests {
             let expected: Vec<u32> =
                 (0..model.tree.nodes(level)).filter(is_similar).map(|k| k as u32).collect();
             assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn the_last_node_of_silence_stands_for_all() {
+        let mut tree = WaveletTree::trial(&mut Rng::new(4));
+        let (leaves, channels) = (tree.depth as usize - 1, tree.channels);
+        // Silence from node 1 to node 3 of level 2, which is in the first recording.
+        for level in 2..=leaves {
+            let nodes = 1 << (level - 2)..4 << (level - 2);
+            tree.details[level][nodes.start * channels..nodes.end * channels].fill(0.0);
+        }
+        let model = TextureModel::new(tree, &ThresholdRules::default());
+        for level in 2..leaves {
+            let last = (4 << (level - 2)) - 1;
+            for m in 0..model.tree.nodes(level) as u32 {
+                let expected = m >= 1 << (level - 2) && m < last;
+                assert_eq!(model.is_redundant(level, m), expected, "{level} {m}");
+                let parent = level > 2 && model.is_redundant(level - 1, m / 2);
+                assert!(!parent || model.is_redundant(level, m));
+            }
+            let zeros = model.similar(level, 0.0);
+            assert!(zeros.contains(&last) && !zeros.contains(&(last - 1)));
         }
     }
 

@@ -244,6 +244,14 @@ impl WaveletTree {
         1 << (self.depth as usize - level)
     }
 
+    /// The recording with a name, or whose path ends in it; the first for an empty name.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<usize> {
+        let is_named =
+            |s: &TreeSource| name.is_empty() || s.name == name || s.name.ends_with(&format!("/{name}"));
+        self.sources.iter().position(is_named)
+    }
+
     /// The recording of a root.
     #[must_use]
     pub fn source_of(&self, root: u32) -> usize {

@@ -141,8 +141,8 @@ fn naive_choice(
     };
     let best = |admits: &dyn Fn(u32) -> bool| {
         let mut found: Option<Best> = None;
-        for c in
-            (0..model.tree.nodes(level) as u32).filter(|c| admits(*c) && !model.tree.is_masked(level, *c))
+        for c in (0..model.tree.nodes(level) as u32)
+            .filter(|c| admits(*c) && !model.tree.is_masked(level, *c) && !model.is_redundant(level, *c))
         {
             let (a, b) = (ancestors(c), predecessors(c));
             if a == 0 {
@@ -165,7 +165,9 @@ fn naive_choice(
     let own = constraints.at(from, to, Some(&mut forbidden));
     let distance = (rules.look_ahead * RATE / span).round();
     let (from, to) = at(node as f64 + distance);
-    let later = constraints.at(from, to, None).filter(|_| distance > 0.0);
+    let later = constraints
+        .at(from, to, None)
+        .filter(|c| distance > 0.0 && own.is_none_or(|own: Constraint| own.set != c.set));
     let inside = |c: Constraint, m: u32| {
         let set = &constraints.sets[c.set];
         if c.weight > 0.0 { set.included[level].contains(m) } else { !set.excluded[level].contains(m) }
@@ -196,13 +198,17 @@ fn naive_choice(
             });
             before.fold(if is_root { 0.0 } else { above }, |sum, x| sum + x)
         };
-        let nodes = (0..model.tree.nodes(level) as u32).filter(|c| admits(*c) && !too_long(*c));
+        let nodes = (0..model.tree.nodes(level) as u32)
+            .filter(|c| admits(*c) && !too_long(*c) && !model.is_redundant(level, *c));
         nodes.min_by(|a, b| difference(*a).total_cmp(&difference(*b))).unwrap()
     };
     let Some(main) = own.or(later) else { return best(&allowed).map_or_else(|| least(&allowed), pick) };
     if main.is_hard && own.is_some() {
-        let wanted = best(&|c| allowed(c) && now(c) && then(c)).or_else(|| best(&|c| allowed(c) && now(c)));
-        return wanted.map_or_else(|| least(&|c| allowed(c) && now(c)), pick);
+        let own = best(&|c| allowed(c) && now(c));
+        let prepared = best(&|c| allowed(c) && now(c) && then(c)).filter(|w| {
+            later.is_some() && own.as_ref().is_some_and(|own| !is_discarded(w, own, rules.quality))
+        });
+        return prepared.or(own).map_or_else(|| least(&|c| allowed(c) && now(c)), pick);
     }
     let pair = |is_wanted: &dyn Fn(u32) -> bool| {
         let of = |limited: bool| {
@@ -236,14 +242,14 @@ fn the_search_finds_what_comparing_all_nodes_finds() {
         let channels = 1 + seed as usize % 2;
         let quantile = [0.02, 0.1, 0.25, 0.5][seed as usize % 4];
         let fit = [TreeFit::Circular, TreeFit::PadReflect, TreeFit::Trim][seed as usize % 3];
-        let model = model_of(
-            vec![texture(1100, channels, seed), texture(700, channels, seed + 99)],
-            fit,
-            0.13,
-            quantile,
-        );
+        let mut first = texture(1100, channels, seed);
+        if seed % 5 == 0 {
+            first.iter_mut().for_each(|x| x[300..800].fill(0.0));
+        }
+        let model = model_of(vec![first, texture(700, channels, seed + 99)], fit, 0.13, quantile);
         let rules = SynthesisRules { max_run: (seed % 2 == 0).then_some(0.2), ..free() };
         let none = Arc::new(Constraints::default());
+        // Some of the recordings have digital silence.
         let (fast, counts) = synthesised(&model, &none, &rules, 12, seed);
         assert_eq!(fast, naive(&model, &none, &rules, 12, seed), "seed {seed}");
         assert!(counts.capped == 0 && counts.steps == 12 * 64, "{counts:?}");
@@ -418,8 +424,7 @@ fn silence_and_one_value_are_synthesised_too() {
     for (x, y) in [(0.0, 0.0), (0.5, 0.5), (0.0, 0.4)] {
         let samples: Vec<f32> = (0..3000).map(|k| if k < 1500 { x } else { y }).collect();
         let model = model_of(vec![vec![samples]], TreeFit::Circular, 0.13, 0.25);
-        let rules = SynthesisRules { candidates: 50, ..SynthesisRules::default() };
-        let (_, counts) = synthesised(&model, &Arc::default(), &rules, 10, 1);
-        assert!(counts.steps == 640 && counts.capped > 0, "{counts:?}");
+        let (_, counts) = synthesised(&model, &Arc::default(), &SynthesisRules::default(), 10, 1);
+        assert!(counts.steps == 640 && counts.candidates < 2000, "{counts:?}");
     }
 }

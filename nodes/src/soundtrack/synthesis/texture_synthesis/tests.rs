@@ -155,6 +155,22 @@ fn channels_are_those_of_the_model_or_their_mean() {
 }
 
 #[test]
+fn a_sound_that_is_short_for_its_target_is_a_warning() {
+    let p = || TextureSynthesisParams { duration: Some(0.2), ..params() };
+    let warnings = |text: &str| {
+        let run = with_score(p(), text).run().unwrap();
+        run.summary
+            .into_iter()
+            .filter(|(name, _)| *name == "warning")
+            .map(|(_, text)| text.to_string())
+            .collect::<String>()
+    };
+    assert_eq!(warnings("(source: \"low\", from: 0, to: 3)"), "");
+    let long = warnings("(source: \"low\", from: 0, to: 3.5)");
+    assert!(long.contains("low is certain for 3.50 s, and lasts 0.80 s"), "{long}");
+}
+
+#[test]
 fn what_does_not_fit_is_named() {
     let error = |run: Standalone| run.run().err().unwrap();
     let e = error(standalone(TextureSynthesisParams { rate: Rate::hz(16_000), ..params() }, 1));
@@ -172,7 +188,7 @@ fn what_does_not_fit_is_named() {
     assert!(e.message.contains("there are 3 weights, and the score has 2 sounds"), "{e}");
     let short = TextureSynthesisParams { reaction: 0.1, ..params() };
     let e = error(with_score(short, "").feed(TextureSynthesisPorts::weights.index(), weights(2)));
-    assert!(e.message.contains("act by 0.260 s early"), "{e}");
+    assert!(e.message.contains("act by 0.276 s early"), "{e}");
     let e = error(standalone(params(), 1).feed(TextureSynthesisPorts::weights.index(), weights(2)));
     assert!(e.message.contains("no score"), "{e}");
 }

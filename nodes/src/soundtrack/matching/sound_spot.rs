@@ -1,0 +1,88 @@
+//! The node `SoundSpot`.
+
+use super::matches::MotionMatches;
+use super::spotting::spots;
+use crate::core::fault::Fault;
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Func, Summary};
+use crate::core::params::{Params, Text};
+use crate::core::ports::Value;
+use crate::core::random::Rng;
+use crate::core::shape::Build;
+use crate::soundtrack::wavelet::{TreeSource, WaveletTree};
+use crate::{params, ports};
+
+params! {
+    /// Finds the passages of a recording that sound like one of it.
+    ///
+    /// Link `spots` to a `MatchScore`: all passages together are its sound. Mel cepstra of the passage are compared with all parts from half to
+    /// twice its length. The passage itself is the first.
+    ///
+    /// # Source
+    /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 5.2, after Spevak and Polfreman, "Sound spotting - a
+    /// frame-based approach" (ISMIR 2001).
+    pub struct SoundSpotParams {
+        /// The recording, by the end of its path; empty for the first of the tree.
+        recording: Text = "".into();
+        /// Start of the passage.
+        from: f64, unit "s", range 0.0..=86_400.0;
+        /// End of the passage.
+        to: f64, unit "s", range 0.0..=86_400.0;
+        /// Greatest number of passages.
+        count: usize = 8, unit "", range 1..=10_000;
+        /// Least similarity: 1 for the passage itself, 0.37 for the middle of the recording.
+        least: f64 = 0.5, unit "", range 0.0..=1.0;
+    }
+}
+ports! {
+    pub struct SoundSpotPorts / SoundSpotIo {
+        in {
+            /// The tree of the recording.
+            tree: Value<WaveletTree>,
+        }
+        out {
+            /// The passages, in order of time.
+            spots: Value<MotionMatches>,
+        }
+    }
+}
+
+/// The node over [`spots`].
+#[derive(Debug)]
+pub struct SoundSpot;
+
+impl Func for SoundSpot {
+    type Params = SoundSpotParams;
+    type Ports = SoundSpotPorts;
+    const NAME: &'static str = "SoundSpot";
+
+    fn eval(p: &SoundSpotParams, _: &Build<'_>, mut io: SoundSpotIo<'_>) -> Result<Summary, Fault> {
+        let tree = io.tree;
+        let Some(source) = tree.find(&p.recording.0) else {
+            let names: Vec<&str> = tree.sources.iter().map(|s: &TreeSource| s.name.as_str()).collect();
+            let message =
+                format!("there is no recording {:?}; recordings are {}", p.recording.0, names.join(", "));
+            return Err(Fault::new("F156", message).at("recording"));
+        };
+        let mut mono = tree.audio(source, 0);
+        for c in 1..tree.channels {
+            mono.iter_mut().zip(tree.audio(source, c)).for_each(|(sum, x)| *sum += x);
+        }
+        mono.iter_mut().for_each(|x| *x /= tree.channels as f32);
+        let mut matches = spots(&mono, tree.rate, (p.from, p.to), p.count, p.least)
+            .map_err(|e| Fault::new("F156", e.to_string()).at("from"))?;
+        matches.sort_by(|a, b| a.from.total_cmp(&b.from));
+        let summary = vec![("spots", matches.len().into())];
+        io.spots.set(MotionMatches { query: (p.from, p.to), threshold: p.least, matches });
+        Ok(summary)
+    }
+
+    fn trial(rng: &mut Rng) -> (SoundSpotParams, MemoryFiles) {
+        let from = rng.between(0.0, 0.03);
+        let p = SoundSpotParams::trial(rng);
+        (
+            SoundSpotParams { recording: "".into(), from, to: from + rng.between(0.03, 0.05), count: 5, ..p },
+            MemoryFiles::default(),
+        )
+    }
+}

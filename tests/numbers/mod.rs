@@ -1,0 +1,161 @@
+//! Soundtracks that follow motion: the graphs of `graphs/numbers`, through the command.
+
+use crate::common::{foley, npy, wav};
+use std::path::Path;
+
+/// Where each pair of samples of a run comes from: recording and time in s; and the report of the run.
+fn positions(graph: &str, more: &[&str], folder: &Path) -> (Vec<(usize, f64)>, serde_json::Value) {
+    let file = folder.join("positions.npy");
+    let tap = format!("sound.positions={}", file.display());
+    let table = format!("report.table={}", folder.join("table.json").display());
+    let report: &[&str] = if graph == "live" { &[] } else { &["--tap", &table] };
+    let graph = format!("graphs/numbers/{graph}.ron");
+    let arguments: Vec<&str> =
+        ["run", &graph, "--tap", &tap].iter().chain(report).chain(more).copied().collect();
+    let report = foley(folder, &arguments);
+    let rows = npy(&std::fs::read(file).unwrap());
+    (rows.into_iter().map(|row| (row[0] as usize, f64::from(row[1]))).collect(), report)
+}
+
+fn summary(report: &serde_json::Value, node: &str, name: &str) -> f64 {
+    let nodes = &report["nodes"];
+    let found = match nodes {
+        serde_json::Value::Array(all) => all.iter().find(|n| n["id"] == node).map(|n| &n["summary"]),
+        _ => Some(&nodes[node]["summary"]),
+    };
+    found.and_then(|s| s[name].as_f64()).unwrap_or_else(|| panic!("{node}.{name}: {report}"))
+}
+
+/// The share of the positions between two times of the output that are within one of the intervals.
+fn share(all: &[(usize, f64)], rate: f64, from: f64, to: f64, intervals: &[(f64, f64)]) -> f64 {
+    let own = &all[(from * rate) as usize..(to * rate) as usize];
+    let is_in = |(_, t): &&(usize, f64)| intervals.iter().any(|(a, b)| *t > a - 1e-3 && *t < b + 1e-3);
+    own.iter().filter(is_in).count() as f64 / own.len() as f64
+}
+
+#[test]
+fn a_drawn_score_is_followed_exactly_where_it_is_certain() {
+    // Figure 4 of the paper: one sound at two plateaus and nowhere else.
+    let folder = tempfile::tempdir().unwrap();
+    let (all, report) = positions("manual", &[], folder.path());
+    let bang = [(0.75, 1.3), (4.4, 5.2)];
+    for (from, to) in [(3.2, 5.0), (10.2, 12.0)] {
+        assert_eq!(share(&all, 16_000.0, from, to, &bang), 1.0, "{from}");
+    }
+    // Beyond the ramps, up to the shortest blocks.
+    let edges = [(0.76, 1.29), (4.41, 5.19)];
+    for (from, to) in [(0.0, 2.9), (5.5, 9.9), (12.5, 16.0)] {
+        assert_eq!(share(&all, 16_000.0, from, to, &edges), 0.0, "{from}");
+    }
+    assert!(share(&all, 16_000.0, 0.0, 2.5, &[(0.0, 0.7)]) > 0.6);
+    assert!(summary(&report, "sound", "approximate") < 0.001 * summary(&report, "sound", "steps"));
+}
+
+#[test]
+fn a_minute_of_texture_repeats_no_second() {
+    let folder = tempfile::tempdir().unwrap();
+    let (all, report) = positions("texture", &[], folder.path());
+    assert_eq!(all.len(), 960_000);
+    assert!(summary(&report, "report", "longest_run_s") <= 1.0);
+    assert!(summary(&report, "report", "median_run_s") <= 0.5);
+    let sound = wav(&folder.path().join("texture.wav"));
+    let source = wav(Path::new("graphs/assets/recordings/birds.ogg"));
+    let level =
+        |x: &[f32]| 10.0 * (x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len() as f64).log10();
+    assert!((level(&sound) - level(&source)).abs() < 2.0, "{} {}", level(&sound), level(&source));
+}
+
+#[test]
+fn an_animation_against_itself_gets_its_own_soundtrack() {
+    let folder = tempfile::tempdir().unwrap();
+    let same = [
+        "--set",
+        "after.path=graphs/assets/motion/flash.csv",
+        "--set",
+        "wanted.least=1.0",
+        "--set",
+        "score.factor=1.0",
+        "--set",
+        "sound.duration=6.1",
+    ];
+    let (all, report) = positions("auto", &same, folder.path());
+    let is_own = |(n, (_, t)): &(usize, &(usize, f64))| (t - *n as f64 / 16_000.0).abs() <= 0.05;
+    let own = all.iter().enumerate().filter(is_own).count() as f64 / all.len() as f64;
+    assert!(own > 0.95, "{own}");
+    let fragments = summary(&report, "path", "target_fragments");
+    assert_eq!(summary(&report, "path", "consecutive"), fragments - 1.0);
+    // The score that was written is the one that was followed.
+    let written = std::fs::read_to_string(folder.path().join("auto.score.ron")).unwrap();
+    let score = foley_nodes::soundtrack::score::read_score(&written).unwrap();
+    assert!(score.targets.len() as f64 >= fragments);
+}
+
+#[test]
+fn an_animation_that_was_cut_anew_gets_its_sounds_in_the_new_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let certain = ["--set", "wanted.least=1.0", "--set", "score.factor=1.0"];
+    let (all, _) = positions("auto", &certain, folder.path());
+    // Start in the new animation, and start and end in the old one, of the parts that it was cut into.
+    let parts = [(0.0, 2.0, 4.4), (2.4, 0.75, 2.0), (3.65, 4.4, 6.1), (5.35, 0.0, 0.75), (6.1, 2.9, 4.1)];
+    let expected = |t: f64| {
+        let part = parts.iter().rev().find(|(start, _, _)| *start <= t).unwrap();
+        part.1 + t - part.0
+    };
+    let near = |(n, (_, t)): &(usize, &(usize, f64))| (t - expected(*n as f64 / 16_000.0)).abs() < 0.15;
+    let right = all.iter().enumerate().filter(near).count() as f64 / all.len() as f64;
+    assert!(right > 0.8, "{right}");
+}
+
+#[test]
+fn a_picture_that_was_cut_anew_has_the_sound_of_each_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    for offset in [0.0, 0.12] {
+        let set = format!("score.av_offset={offset}");
+        let (all, report) = positions("edit", &["--set", &set], folder.path());
+        let cuts = [(0.0, 2.4, 2.0), (2.4, 3.68, 0.72), (3.68, 5.08, 4.4), (5.08, 5.8, 0.0), (5.8, 7.0, 2.8)];
+        for (from, to, source) in cuts {
+            let interval = [(source + offset, source + offset + to - from)];
+            assert_eq!(share(&all, 16_000.0, from, to, &interval), 1.0, "{offset} {from}");
+        }
+        assert!(summary(&report, "report", "satisfaction") > 0.999);
+    }
+}
+
+#[test]
+fn all_gestures_that_are_like_the_marked_one_sound() {
+    let folder = tempfile::tempdir().unwrap();
+    let (all, report) = positions("semi", &[], folder.path());
+    assert_eq!(summary(&report, "matches", "matches"), 4.0);
+    assert!(summary(&report, "calls", "spots") >= 2.0);
+    let is_call = |t: f64| share(&all, 16_000.0, t, t + 0.2, &[(2.4, 4.2)]);
+    for swoop in [2.2, 5.1, 7.6, 10.3] {
+        assert!(is_call(swoop) > 0.99, "{swoop}: {}", is_call(swoop));
+    }
+}
+
+#[test]
+fn contacts_direct_a_texture() {
+    let folder = tempfile::tempdir().unwrap();
+    let (all, _) = positions("physics", &[], folder.path());
+    let scraping = |from: f64, to: f64| {
+        let own = &all[(from * 22_050.0) as usize..(to * 22_050.0) as usize];
+        own.iter().filter(|(recording, _)| *recording == 0).count() as f64 / own.len() as f64
+    };
+    // The box slides for two seconds and a half, and has come to rest after three.
+    assert!(
+        scraping(1.0, 1.8) > 0.9 && scraping(3.6, 6.0) < 0.05,
+        "{} {}",
+        scraping(1.0, 1.8),
+        scraping(3.6, 6.0)
+    );
+}
+
+#[test]
+fn weights_act_when_they_come() {
+    let folder = tempfile::tempdir().unwrap();
+    let quiet = positions("live", &[], folder.path()).0;
+    // Offline a live control has its initial weights: no bangs.
+    assert_eq!(share(&quiet, 16_000.0, 0.0, 6.0, &[(0.76, 6.09)]), 0.0);
+    let loud = positions("live", &["--set", "weights.initial=[1.0, 0.0]"], folder.path()).0;
+    assert_eq!(share(&loud, 16_000.0, 0.0, 6.0, &[(0.75, 6.1)]), 1.0);
+}
