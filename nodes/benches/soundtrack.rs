@@ -6,7 +6,7 @@ use foley_nodes::core::computation::unmonitored;
 use foley_nodes::core::random::{Random, Rng};
 use foley_nodes::dsp::{Band, Butterworth, zero_phase};
 use foley_nodes::io::AudioReader;
-use foley_nodes::soundtrack::matching::{QueryRules, find_matches, without_overlap};
+use foley_nodes::soundtrack::matching::{QueryRules, best_matches};
 use foley_nodes::soundtrack::motion::MotionCurve;
 use foley_nodes::soundtrack::score::{Constraints, read_score};
 use foley_nodes::soundtrack::synthesis::{SynthesisRules, Synthesizer};
@@ -142,8 +142,8 @@ fn queries() {
     let interval = (600.0, 600.0 + 200.0 / 60.0);
     for threshold in [0.7, 0.5] {
         let rules = QueryRules { threshold, ..QueryRules::default() };
-        let search = || find_matches(&curve, &curve, interval, rules, &unmonitored).unwrap_or_default();
-        let found = without_overlap(search(), false).len();
+        let search = || best_matches(&curve, &curve, interval, rules, &unmonitored).unwrap_or_default();
+        let found = search().len();
         println!(
             "query of 200 in 100,000 frames, 9 lengths, threshold {threshold}: {:.1} ms on {} threads, {found} matches",
             least(search),

@@ -1,5 +1,7 @@
 //! Dynamic time warping with a band.
 
+use std::collections::VecDeque;
+
 /// The distance of two sequences of equal lengths: the root of the least sum of squared differences over paths with the steps (1, 0), (0, 1)
 /// and (1, 1) within `radius` of the diagonal. `None` if it is greater than `limit`.
 ///
@@ -51,19 +53,40 @@ pub fn distance(a: &[f32], b: &[f32], channels: usize, radius: usize, limit: f64
 /// Least and greatest value of each channel within `radius` frames of each frame.
 ///
 /// # Complexity
-/// Frames times the radius.
+/// Linear.
+///
+/// # Source
+/// Lemire, "Streaming maximum-minimum filter using no more than three comparisons per element" (Nordic Journal of Computing 13(4), 2006).
 #[must_use]
 pub fn envelope(x: &[f32], channels: usize, radius: usize) -> Vec<[f32; 2]> {
     let channels = channels.max(1);
     let n = x.len() / channels;
-    let mut out = Vec::with_capacity(x.len());
-    for i in 0..n {
-        let frames = i.saturating_sub(radius)..(i + radius + 1).min(n);
-        for c in 0..channels {
-            let values = frames.clone().map(|k| x[k * channels + c]);
-            out.push(
-                values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]),
-            );
+    let mut out = vec![[0.0; 2]; n * channels];
+    // Frames whose values are less, or greater, than all after them within reach.
+    let (mut low, mut high) = (VecDeque::new(), VecDeque::new());
+    for c in 0..channels {
+        let value = |k: usize| x[k * channels + c];
+        low.clear();
+        high.clear();
+        for k in 0..n + radius {
+            if k < n {
+                while low.back().is_some_and(|last| value(*last) >= value(k)) {
+                    low.pop_back();
+                }
+                while high.back().is_some_and(|last| value(*last) <= value(k)) {
+                    high.pop_back();
+                }
+                low.push_back(k);
+                high.push_back(k);
+            }
+            let Some(at) = k.checked_sub(radius).filter(|at| *at < n) else { continue };
+            for queue in [&mut low, &mut high] {
+                while queue.front().is_some_and(|first| first + radius < at) {
+                    queue.pop_front();
+                }
+            }
+            let of = |queue: &VecDeque<usize>| queue.front().map_or(value(at), |k| value(*k));
+            out[at * channels + c] = [of(&low), of(&high)];
         }
     }
     out
@@ -92,6 +115,21 @@ mod tests {
         let twice = |x: &[f32]| x.iter().flat_map(|x| [*x, *x]).collect::<Vec<f32>>();
         let both = distance(&twice(&a), &twice(&b), 2, 9, 1e9).unwrap();
         assert!((both - 2.0).abs() < 1e-12, "{both}");
+    }
+
+    #[test]
+    fn the_envelope_has_the_extremes_within_the_radius() {
+        let mut rng = Rng::new(6);
+        for radius in [0, 1, 3, 50] {
+            let x: Vec<f32> = (0..60).map(|_| rng.between(-1.0, 1.0).round() as f32 * 0.5).collect();
+            for (k, found) in envelope(&x, 2, radius).into_iter().enumerate() {
+                let (frame, c) = (k / 2, k % 2);
+                let near = (frame.saturating_sub(radius)..(frame + radius + 1).min(30)).map(|k| x[2 * k + c]);
+                let expected =
+                    near.fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
+                assert_eq!(found, expected, "{radius} {k}");
+            }
+        }
     }
 
     #[test]

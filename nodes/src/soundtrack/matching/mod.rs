@@ -17,6 +17,6 @@ pub use dtw::{distance, envelope};
 pub use fragments::{FragmentRules, candidates};
 pub use matches::{MotionMatch, MotionMatches, match_weight};
 pub use path::{FragmentPath, PathRules, best_path};
-pub use query::{Normalisation, QueryError, QueryRules, find_matches, without_overlap};
+pub use query::{Normalisation, QueryError, QueryRules, best_matches, find_matches, without_overlap};
 pub use segmentation::{SegmentRules, SegmentVariant, cuts, smoothed};
 pub use spotting::{SpotError, spots};

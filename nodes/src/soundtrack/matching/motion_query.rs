@@ -1,7 +1,7 @@
 //! The node `MotionQuery`.
 
 use super::matches::MotionMatches;
-use super::query::{Normalisation, QueryError, QueryRules, find_matches, without_overlap};
+use super::query::{Normalisation, QueryError, QueryRules, best_matches, find_matches, without_overlap};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -57,7 +57,7 @@ ports! {
     }
 }
 
-/// The node over [`find_matches`].
+/// The node over [`best_matches`].
 #[derive(Debug)]
 pub struct MotionQuery;
 
@@ -76,22 +76,22 @@ impl Func for MotionQuery {
             exhaustive: p.exhaustive,
         };
         let source = io.source.unwrap_or(io.motion);
-        let found =
-            find_matches(io.motion, source, (p.from, p.to), rules, cx.monitor).map_err(|e| match e {
-                QueryError::Stopped => Fault::stopped(),
-                QueryError::Interval { .. } | QueryError::Flat { .. } => {
-                    Fault::new("F157", e.to_string()).at("from")
-                }
-                _ => Fault::new("F157", e.to_string()).at("motion"),
-            })?;
-        let windows = found.len();
-        let matches = without_overlap(found, p.optimal);
+        let interval = (p.from, p.to);
+        let found = match p.optimal {
+            true => find_matches(io.motion, source, interval, rules, cx.monitor)
+                .map(|found| without_overlap(found, true)),
+            false => best_matches(io.motion, source, interval, rules, cx.monitor),
+        };
+        let matches = found.map_err(|e| match e {
+            QueryError::Stopped => Fault::stopped(),
+            QueryError::Interval { .. } | QueryError::Flat { .. } => {
+                Fault::new("F157", e.to_string()).at("from")
+            }
+            _ => Fault::new("F157", e.to_string()).at("motion"),
+        })?;
         let least = matches.iter().map(|m| m.similarity).fold(1.0, f64::min);
-        let mut summary: Summary = vec![
-            ("matches", matches.len().into()),
-            ("least_similarity", least.into()),
-            ("windows", windows.into()),
-        ];
+        let mut summary: Summary =
+            vec![("matches", matches.len().into()), ("least_similarity", least.into())];
         if matches.is_empty() {
             let text = format!("nothing is as similar as {}: give a lower `threshold`", p.threshold);
             summary.push(("warning", text.into()));

@@ -6,6 +6,8 @@ use crate::choices;
 use crate::core::computation::Monitor;
 use crate::soundtrack::motion::{CurveError, MotionCurve};
 use rayon::prelude::*;
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use thiserror::Error;
 
@@ -242,62 +244,205 @@ impl<'a> Query<'a> {
         all
     }
 
-    /// The similarity of a window, if it reaches the threshold.
-    fn similarity(&self, grid: &Grid, start: usize, window: &mut Vec<f32>) -> Option<f64> {
-        let (channels, n) = (self.curve.channels, self.frames);
-        if self.gaps[start + grid.len] > self.gaps[start] {
-            return None;
-        }
-        let mut normal = [(0.0, 1.0); 8];
-        let mut many = Vec::new();
-        let normal = if channels <= normal.len() {
-            &mut normal[..channels]
-        } else {
-            many.resize(channels, (0.0, 1.0));
-            &mut many[..]
-        };
-        for (c, normal) in normal.iter_mut().enumerate() {
+    /// Finds the normalisation of each channel of a window; returns false if the window has a gap.
+    fn normalise(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> bool {
+        let channels = self.curve.channels;
+        scratch.normal.clear();
+        scratch.normal.extend((0..channels).map(|c| {
             let (a, b) = (self.sums[start * channels + c], self.sums[(start + grid.len) * channels + c]);
-            *normal = normaliser(self.rules.normalisation, [b[0] - a[0], b[1] - a[1]], grid.len as f64);
-        }
-        let value = |j: usize, c: usize| {
-            let (k, t) = grid.points[j];
-            let at = (start + k) * channels + c;
-            let (a, b) = (self.curve.values[at], self.curve.values[at + channels]);
-            let (mean, factor) = normal[c];
-            (a + t * (b - a) - mean) * factor
-        };
-        let most = self.limit * self.limit;
-        // The ends are matched with the ends of the query, and every other frame with one within the radius.
-        let mut bound = 0.0;
-        for j in [0, n - 1] {
-            for c in 0..channels {
-                bound += f64::from(value(j, c) - self.values[j * channels + c]).powi(2);
-            }
-        }
-        for j in &self.order {
-            if bound > most {
-                return None;
-            }
-            for c in 0..channels {
-                bound += outside(value(*j, c), self.envelope[j * channels + c]);
-            }
-        }
-        if bound > most {
-            return None;
-        }
-        window.clear();
-        for j in 0..n {
-            window.extend((0..channels).map(|c| value(j, c)));
-        }
-        let other = envelope(window, channels, self.radius);
-        let bound: f64 = other.iter().zip(&self.values).map(|(e, x)| outside(*x, *e)).sum();
-        if bound > most {
-            return None;
-        }
-        let d = distance(&self.values, window, channels, self.radius, self.limit)?;
-        Some((-d / (n as f64).sqrt() / self.deviation).exp())
+            normaliser(self.rules.normalisation, [b[0] - a[0], b[1] - a[1]], grid.len as f64)
+        }));
+        self.gaps[start + grid.len] == self.gaps[start]
     }
+
+    /// A number of a window that is stretched to the query and normalised.
+    #[inline]
+    fn value(&self, grid: &Grid, start: usize, normal: &[(f32, f32)], j: usize, c: usize) -> f32 {
+        let (k, t) = grid.points[j];
+        let at = (start + k) * self.curve.channels + c;
+        let (a, b) = (self.curve.values[at], self.curve.values[at + self.curve.channels]);
+        let (mean, factor) = normal[c];
+        (a + t * (b - a) - mean) * factor
+    }
+
+    /// A lower bound of the squared distance of a window, from its ends and `points` more frames. It stops above the threshold.
+    ///
+    /// The ends are matched with the ends of the query, and every other frame with one within the radius.
+    fn bound(&self, grid: &Grid, start: usize, normal: &[(f32, f32)], points: usize) -> f64 {
+        let (channels, most) = (self.curve.channels, self.limit * self.limit);
+        let mut bound = 0.0;
+        for j in [0, self.frames - 1] {
+            for c in 0..channels {
+                let x = self.value(grid, start, normal, j, c);
+                bound += f64::from(x - self.values[j * channels + c]).powi(2);
+            }
+        }
+        for j in self.order.iter().take(points) {
+            if bound > most {
+                break;
+            }
+            for c in 0..channels {
+                let x = self.value(grid, start, normal, *j, c);
+                bound += outside(x, self.envelope[j * channels + c]);
+            }
+        }
+        bound
+    }
+
+    /// Writes a window and returns a better lower bound of its squared distance, if it does not exceed the threshold.
+    fn full_bound(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> Option<f64> {
+        let (channels, most) = (self.curve.channels, self.limit * self.limit);
+        let own = self.bound(grid, start, &scratch.normal, usize::MAX);
+        if own > most {
+            return None;
+        }
+        scratch.window.clear();
+        for j in 0..self.frames {
+            for c in 0..channels {
+                let x = self.value(grid, start, &scratch.normal, j, c);
+                scratch.window.push(x);
+            }
+        }
+        let other = envelope(&scratch.window, channels, self.radius);
+        let other: f64 = other.iter().zip(&self.values).map(|(e, x)| outside(*x, *e)).sum();
+        (other <= most).then_some(own.max(other))
+    }
+
+    /// The distance of a window, if it does not exceed the threshold.
+    fn distance(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> Option<f64> {
+        if !self.normalise(grid, start, scratch) {
+            return None;
+        }
+        self.full_bound(grid, start, scratch)?;
+        distance(&self.values, &scratch.window, self.curve.channels, self.radius, self.limit)
+    }
+
+    fn found(&self, grid: &Grid, start: usize, distance: f64) -> MotionMatch {
+        let similarity = (-distance / (self.frames as f64).sqrt() / self.deviation).exp();
+        let at = |k: usize| k as f64 / self.curve.rate;
+        MotionMatch { from: at(start), to: at(start + grid.len), similarity }
+    }
+}
+
+/// Buffers of one comparison.
+#[derive(Default)]
+struct Scratch {
+    /// Mean and factor of each channel.
+    normal: Vec<(f32, f32)>,
+    window: Vec<f32>,
+}
+
+/// Calls `each` for all windows, in parallel, and collects what it finds, in order.
+fn windows<T: Send>(
+    curve: &MotionCurve,
+    grids: &[Grid],
+    monitor: &Monitor<'_>,
+    each: impl Fn(usize, usize, &mut Scratch) -> Option<T> + Sync,
+) -> Result<Vec<T>, QueryError> {
+    let mut tasks = Vec::new();
+    for (g, grid) in grids.iter().enumerate() {
+        let starts = curve.frames() + 1 - grid.len;
+        tasks.extend((0..starts).step_by(TASK).map(|from| (g, from, (from + TASK).min(starts))));
+    }
+    let (done, is_stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let of_task = |(g, from, to): &(usize, usize, usize)| {
+        let (mut found, mut scratch) = (Vec::new(), Scratch::default());
+        if !is_stopped.load(Ordering::Relaxed) {
+            found.extend((*from..*to).filter_map(|start| each(*g, start, &mut scratch)));
+            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+            if monitor(count as f64 / tasks.len() as f64) {
+                is_stopped.store(true, Ordering::Relaxed);
+            }
+        }
+        found
+    };
+    let found: Vec<T> = tasks.par_iter().flat_map_iter(of_task).collect();
+    if is_stopped.into_inner() { Err(QueryError::Stopped) } else { Ok(found) }
+}
+
+/// A window in the order of its distance, or of what is known of it.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Ranked {
+    /// Bits of the squared distance or of a lower bound of it, which are in the order of the numbers.
+    bound: u64,
+    /// What the bound is: of some frames, of all frames, or the distance.
+    step: Step,
+    start: u32,
+    len: u32,
+    grid: u32,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Step {
+    Coarse,
+    Full,
+    Exact,
+}
+
+/// Frames that the first bound is taken of.
+const COARSE: usize = 16;
+
+/// The parts of a motion that are similar to a part of a motion, as [`without_overlap`] chooses among [`find_matches`], the most similar first, in
+/// order of time.
+///
+/// Windows are looked at in the order of lower bounds of their distances, which are refined as far as needed: what overlaps a better match is never
+/// compared.
+///
+/// # Errors
+/// As [`find_matches`].
+///
+/// # Complexity
+/// Frames times lengths, with a constant of a few comparisons.
+pub fn best_matches(
+    curve: &MotionCurve,
+    source: &MotionCurve,
+    interval: (f64, f64),
+    rules: QueryRules,
+    monitor: &Monitor<'_>,
+) -> Result<Vec<MotionMatch>, QueryError> {
+    let query = Query::new(curve, source, interval, rules)?;
+    let grids: Vec<Grid> = query.lengths().into_iter().map(|len| Grid::new(len, query.frames)).collect();
+    let most = query.limit * query.limit;
+    let coarse = |g: usize, start: usize, scratch: &mut Scratch| {
+        let grid = &grids[g];
+        if !query.normalise(grid, start, scratch) {
+            return None;
+        }
+        let bound = query.bound(grid, start, &scratch.normal, COARSE);
+        (bound <= most).then(|| {
+            let (start, len, grid) = (start as u32, grid.len as u32, g as u32);
+            Reverse(Ranked { bound: bound.to_bits(), step: Step::Coarse, start, len, grid })
+        })
+    };
+    let mut heap = BinaryHeap::from(windows(curve, &grids, monitor, coarse)?);
+    let mut chosen: BTreeMap<u32, (u32, MotionMatch)> = BTreeMap::new();
+    let mut scratch = Scratch::default();
+    while let Some(Reverse(ranked)) = heap.pop() {
+        let (start, end) = (ranked.start, ranked.start + ranked.len);
+        let overlaps = chosen.range(..end).next_back().is_some_and(|(_, (other, _))| *other > start);
+        if overlaps {
+            continue;
+        }
+        let grid = &grids[ranked.grid as usize];
+        let at = start as usize;
+        let next = match ranked.step {
+            Step::Exact => {
+                chosen.insert(start, (end, query.found(grid, at, f64::from_bits(ranked.bound).sqrt())));
+                continue;
+            }
+            Step::Coarse => {
+                query.normalise(grid, at, &mut scratch);
+                query.full_bound(grid, at, &mut scratch).map(|bound| (bound, Step::Full))
+            }
+            Step::Full => query.distance(grid, at, &mut scratch).map(|d| (d * d, Step::Exact)),
+        };
+        if let Some((bound, step)) = next {
+            // The bound of all frames can be smaller by rounding.
+            let bound = bound.to_bits().max(if step == Step::Exact { 0 } else { ranked.bound });
+            heap.push(Reverse(Ranked { bound, step, ..ranked }));
+        }
+    }
+    Ok(chosen.into_values().map(|(_, found)| found).collect())
 }
 
 /// All windows of a motion whose similarity to a part of a motion reaches the threshold.
@@ -323,32 +468,10 @@ pub fn find_matches(
 ) -> Result<Vec<MotionMatch>, QueryError> {
     let query = Query::new(curve, source, interval, rules)?;
     let grids: Vec<Grid> = query.lengths().into_iter().map(|len| Grid::new(len, query.frames)).collect();
-    let mut tasks = Vec::new();
-    for (g, grid) in grids.iter().enumerate() {
-        let starts = curve.frames() + 1 - grid.len;
-        tasks.extend((0..starts).step_by(TASK).map(|from| (g, from, (from + TASK).min(starts))));
-    }
-    let (done, is_stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let of_task = |(g, from, to): &(usize, usize, usize)| {
-        let mut found = Vec::new();
-        if is_stopped.load(Ordering::Relaxed) {
-            return found;
-        }
-        let (grid, mut window) = (&grids[*g], Vec::new());
-        for start in *from..*to {
-            if let Some(similarity) = query.similarity(grid, start, &mut window) {
-                let (from, to) = (start as f64 / curve.rate, (start + grid.len) as f64 / curve.rate);
-                found.push(MotionMatch { from, to, similarity });
-            }
-        }
-        let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-        if monitor(count as f64 / tasks.len() as f64) {
-            is_stopped.store(true, Ordering::Relaxed);
-        }
-        found
-    };
-    let found: Vec<MotionMatch> = tasks.par_iter().flat_map_iter(of_task).collect();
-    if is_stopped.into_inner() { Err(QueryError::Stopped) } else { Ok(found) }
+    windows(curve, &grids, monitor, |g, start, scratch| {
+        let d = query.distance(&grids[g], start, scratch)?;
+        Some(query.found(&grids[g], start, d))
+    })
 }
 
 /// Of matches, those that do not overlap, in order of time: the most similar first, of equals the earlier and then the shorter; or with `optimal`

@@ -258,7 +258,7 @@ impl Synthesizer {
             step.most_similar(set).unwrap_or(0)
         };
         let Some(main) = own.or(later) else {
-            let picked = step.best(classes, None, |_| true).and_then(|best| pick(best, counts));
+            let picked = step.best(classes, None, 0, |_| true).and_then(|best| pick(best, counts));
             return picked.unwrap_or_else(|| approximate(None, counts));
         };
         let condition = |constraint: Option<Constraint>, node: Option<u32>| match (constraint, node) {
@@ -279,10 +279,9 @@ impl Synthesizer {
         if let Some(own) = own.filter(|c| c.is_hard) {
             let set = &step.constraints.sets[own.set].included[level];
             let few = (set.len() <= FEW).then_some(set);
-            let mut best = step.best(classes, few, is_now);
+            let mut best = step.best(classes, few, 0, is_now);
             if both && let Some(now) = &best {
-                let prepared = step.best(classes, few, is_prepared);
-                let prepared = prepared.filter(|prepared| !is_discarded(prepared, now, rules.quality));
+                let prepared = step.best(classes, few, now.quality(), is_prepared);
                 counts.unprepared += u64::from(prepared.is_none());
                 best = prepared.or(best);
             }
@@ -406,19 +405,28 @@ impl Step<'_> {
         &self,
         classes: &mut Classes,
         few: Option<&NodeSet>,
+        beside: usize,
         is_admitted: impl Fn(u32) -> bool,
     ) -> Option<Best> {
         let admits = |m: u32| is_admitted(m) && self.is_allowed(m);
-        self.best_of(classes, few, |m| admits(m) && !self.is_too_long(m)).or_else(|| {
+        let is_enough = |best: &Best| 100 * best.quality() >= self.percent() * beside;
+        let limited = self.best_of(classes, few, beside, |m| admits(m) && !self.is_too_long(m));
+        limited.filter(is_enough).or_else(|| {
             self.rules.max_run?;
-            self.best_of(classes, few, admits)
+            self.best_of(classes, few, beside, admits).filter(is_enough)
         })
+    }
+
+    /// The share of a match that others must reach, in percent.
+    fn percent(&self) -> usize {
+        (100.0 * self.rules.quality).round() as usize
     }
 
     fn best_of(
         &self,
         classes: &mut Classes,
         few: Option<&NodeSet>,
+        beside: usize,
         is_admitted: impl Fn(u32) -> bool,
     ) -> Option<Best> {
         if self.is_root {
@@ -438,6 +446,9 @@ impl Step<'_> {
             return self.with_predecessors(found.0, found.1);
         }
         for a in (1..=self.level + 1).rev() {
+            if 100 * (a + self.predecessor_limit()) < self.percent() * beside {
+                break;
+            }
             let list = classes.get(self.model, self.tree, self.level, self.node, a);
             let nodes: Vec<u32> = list.iter().copied().filter(|m| is_admitted(*m)).collect();
             if !nodes.is_empty() {
@@ -482,7 +493,7 @@ impl Step<'_> {
             pair.others = self.with_predecessors(1, others);
             return pair;
         }
-        let percent = (100.0 * self.rules.quality).round() as usize;
+        let percent = self.percent();
         for a in (1..=self.level + 1).rev() {
             let found = pair.wanted.as_ref().or(pair.others.as_ref()).map_or(0, Best::quality);
             if 100 * (a + self.predecessor_limit()) < percent * found {

@@ -68,6 +68,8 @@ fn bounds_leave_nothing_out() {
         let fast = find_matches(&curve, &curve, interval, rules, &unmonitored).unwrap();
         let slow = naive(&curve, interval, rules);
         assert!(slow.len() > 3, "seed {seed}: {}", slow.len());
+        let best = best_matches(&curve, &curve, interval, rules, &unmonitored).unwrap();
+        assert_eq!(best, without_overlap(fast.clone(), false), "seed {seed}");
         // At the threshold rounding decides.
         let sure = |all: &[MotionMatch]| {
             all.iter().filter(|m| m.similarity > 0.3505).map(|m| (m.from, m.to)).collect::<Vec<_>>()

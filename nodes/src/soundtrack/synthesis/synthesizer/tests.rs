@@ -205,9 +205,12 @@ fn naive_choice(
     let Some(main) = own.or(later) else { return best(&allowed).map_or_else(|| least(&allowed), pick) };
     if main.is_hard && own.is_some() {
         let own = best(&|c| allowed(c) && now(c));
-        let prepared = best(&|c| allowed(c) && now(c) && then(c)).filter(|w| {
-            later.is_some() && own.as_ref().is_some_and(|own| !is_discarded(w, own, rules.quality))
-        });
+        // The first that matches well enough: without those that are too long, or with them.
+        let is_enough = |w: &Best| own.as_ref().is_some_and(|own| !is_discarded(w, own, rules.quality));
+        let prepared = |c: u32| allowed(c) && now(c) && then(c) && later.is_some();
+        let prepared = any(&|c| prepared(c) && !too_long(c))
+            .filter(is_enough)
+            .or_else(|| any(&prepared).filter(|w| rules.max_run.is_some() && is_enough(w)));
         return prepared.or(own).map_or_else(|| least(&|c| allowed(c) && now(c)), pick);
     }
     let pair = |is_wanted: &dyn Fn(u32) -> bool| {
