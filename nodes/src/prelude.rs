@@ -68,11 +68,11 @@ pub mod recordings {
 /// Soundtracks that follow motion: textures, scores, queries.
 pub mod soundtrack {
     pub use crate::soundtrack::matching::{
-        QueryRules, best_path, candidates, cuts, find_matches, without_overlap,
+        QueryRules, best_matches, best_path, candidates, cuts, path_to_score, spots,
     };
     pub use crate::soundtrack::motion::{MotionCurve, read_curve_table};
     pub use crate::soundtrack::score::{Constraints, SoundScore, read_edits, read_score, write_score};
-    pub use crate::soundtrack::synthesis::{SynthesisRules, Synthesizer};
+    pub use crate::soundtrack::synthesis::{SynthesisRules, Synthesizer, TextureStream};
     pub use crate::soundtrack::wavelet::{
         StreamingInverse, TextureModel, ThresholdRules, TreeRecording, TreeRules, Wavelet, WaveletTree,
     };

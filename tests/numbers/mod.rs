@@ -34,7 +34,7 @@ fn share(all: &[(usize, f64)], rate: f64, from: f64, to: f64, intervals: &[(f64,
 }
 
 #[test]
-fn a_drawn_score_is_followed_exactly_where_it_is_certain() {
+fn a_drawn_score_is_followed_exactly_where_it_is_hard() {
     // Figure 4 of the paper: one sound at two plateaus and nowhere else.
     let folder = tempfile::tempdir().unwrap();
     let (all, report) = positions("manual", &[], folder.path());
@@ -93,8 +93,8 @@ fn an_animation_against_itself_gets_its_own_soundtrack() {
 #[test]
 fn an_animation_that_was_cut_anew_gets_its_sounds_in_the_new_order() {
     let folder = tempfile::tempdir().unwrap();
-    let certain = ["--set", "wanted.least=1.0", "--set", "score.factor=1.0"];
-    let (all, _) = positions("auto", &certain, folder.path());
+    let hard = ["--set", "wanted.least=1.0", "--set", "score.factor=1.0"];
+    let (all, _) = positions("auto", &hard, folder.path());
     // Start in the new animation, and start and end in the old one, of the parts that it was cut into.
     let parts = [(0.0, 2.0, 4.4), (2.4, 0.75, 2.0), (3.65, 4.4, 6.1), (5.35, 0.0, 0.75), (6.1, 2.9, 4.1)];
     let expected = |t: f64| {
@@ -151,7 +151,7 @@ fn contacts_direct_a_texture() {
 }
 
 #[test]
-fn weights_act_when_they_come() {
+fn weights_of_a_control_hold_throughout() {
     let folder = tempfile::tempdir().unwrap();
     let quiet = positions("live", &[], folder.path()).0;
     // Offline a live control has its initial weights: no bangs.

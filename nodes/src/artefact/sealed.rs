@@ -1,5 +1,7 @@
 //! Binary files with a signature, a version and a digest.
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fmt::Display;
 
 /// Bytes of version and digest after the signature.
@@ -39,6 +41,29 @@ pub fn unseal<'a, E: Display>(
         ));
     }
     Ok(body)
+}
+
+/// A file of a value, whose body has its fields one after the other.
+///
+/// # Errors
+/// When it cannot be encoded.
+pub fn seal_value<T: Serialize>(signature: &[u8], version: u32, value: &T) -> Result<Vec<u8>, String> {
+    let body = postcard::to_allocvec(value).map_err(|e| e.to_string())?;
+    Ok(seal(signature, version, &body))
+}
+
+/// The value of such a file. `name` is what it contains, and `other_version` the message about a version that is not `version`.
+///
+/// # Errors
+/// As [`unseal`], and fields that do not make a value.
+pub fn unseal_value<T: DeserializeOwned, E: Display>(
+    (signature, version): (&[u8], u32),
+    name: &str,
+    bytes: &[u8],
+    other_version: impl FnOnce(u32) -> E,
+) -> Result<T, String> {
+    let body = unseal((signature, version), name, bytes, other_version)?;
+    postcard::from_bytes(body).map_err(|e| format!("the file of {name} is damaged: {e}"))
 }
 
 #[cfg(test)]

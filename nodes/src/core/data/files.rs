@@ -264,6 +264,12 @@ pub fn sorted_sequence(
     })
 }
 
+/// The first 40 characters of a text, for a message.
+#[must_use]
+pub fn excerpt(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
 /// A text file without the byte order mark that some editors put in front of UTF-8.
 #[must_use]
 pub fn strip_bom(bytes: &[u8]) -> &[u8] {

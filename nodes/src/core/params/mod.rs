@@ -223,6 +223,18 @@ macro_rules! choices {
 
         $crate::choices!(@param $name { $( $(#[doc = $vdoc])+ $variant, )+ });
     };
+    // With more traits, such as those of serde.
+    (
+        $(#[doc = $doc:expr])+
+        #[derive($($derive:path),+)]
+        pub enum $name:ident { $( $(#[doc = $vdoc:expr])+ $variant:ident, )+ }
+    ) => {
+        $(#[doc = $doc])+
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, $($derive),+)]
+        pub enum $name { $( $(#[doc = $vdoc])+ $variant, )+ }
+
+        $crate::choices!(@param $name { $( $(#[doc = $vdoc])+ $variant, )+ });
+    };
     // For an enum that the maths declares already.
     (@param $name:ident { $( $(#[doc = $vdoc:expr])+ $variant:ident, )+ }) => {
         impl $crate::core::params::Param for $name {

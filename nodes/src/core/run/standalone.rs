@@ -170,6 +170,12 @@ impl Standalone {
         self.links.iter().map(|feeds| feeds.iter().map(|f| f.shape().clone()).collect()).collect()
     }
 
+    /// The random numbers of the node.
+    #[must_use]
+    pub fn random(&self) -> Random {
+        Random::new(self.seed, "solo")
+    }
+
     /// Wires the node without running it.
     ///
     /// # Errors
@@ -180,7 +186,7 @@ impl Standalone {
         let delay = self.delay(&shape);
         shape.end = Some(shape.end.unwrap_or(self.until));
         let cx = Build {
-            random: Random::new(self.seed, "solo"),
+            random: self.random(),
             links: &links,
             shape: &shape,
             window: self.window,

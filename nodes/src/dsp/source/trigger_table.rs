@@ -1,7 +1,7 @@
 //! Triggers from CSV.
 
 use super::trigger::Trigger;
-use crate::core::files::strip_bom;
+use crate::core::files::{excerpt, strip_bom};
 use crate::io::csv_error;
 
 /// Maximum number of triggers in a file.
@@ -30,10 +30,6 @@ impl Column {
             _ => None,
         }
     }
-}
-
-fn excerpt(text: &str) -> String {
-    text.chars().take(40).collect()
 }
 
 /// A number within limits.

@@ -1,6 +1,7 @@
 //! Impacts from CSV or JSON lines.
 
 use super::event::{Body, Impact};
+use crate::core::files::excerpt;
 use crate::core::time::{Tick, ticks};
 use crate::io::csv_error;
 use std::collections::BTreeMap;
@@ -47,11 +48,6 @@ pub struct Defaults {
     pub hardness: f64,
     /// Names of the objects, by number; empty if a file has numbers only.
     pub objects: Vec<String>,
-}
-
-/// The first 40 characters of a text, for a message.
-fn excerpt(text: &str) -> String {
-    text.chars().take(40).collect()
 }
 
 /// One line of a file: its fields by name.

@@ -1,7 +1,9 @@
 //! The node `MotionQuery`.
 
 use super::matches::MotionMatches;
-use super::query::{Normalisation, QueryError, QueryRules, best_matches, find_matches, without_overlap};
+use super::overlap::greatest_sum;
+use super::query::{Normalisation, QueryError, QueryRules};
+use super::search::{best_matches, find_matches};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -78,8 +80,7 @@ impl Func for MotionQuery {
         let source = io.source.unwrap_or(io.motion);
         let interval = (p.from, p.to);
         let found = match p.optimal {
-            true => find_matches(io.motion, source, interval, rules, cx.monitor)
-                .map(|found| without_overlap(found, true)),
+            true => find_matches(io.motion, source, interval, rules, cx.monitor).map(greatest_sum),
             false => best_matches(io.motion, source, interval, rules, cx.monitor),
         };
         let matches = found.map_err(|e| match e {

@@ -4,24 +4,19 @@ use super::fragments::Candidate;
 use crate::choices;
 use crate::core::item::Data;
 use crate::core::random::Rng;
+use crate::material::statistics::quantile;
 use crate::plot::{Chart, Line, grid};
 use serde::{Deserialize, Serialize};
 
-/// What a path is best in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PathObjective {
-    /// The sum of distances and of the costs of breaks.
-    Weighted,
-    /// First the number of consecutive fragments, then the sum of distances.
-    Lexicographic,
+choices! {
+    /// What a path is best in.
+    pub enum PathObjective {
+        /// The sum of distances and of the costs of breaks.
+        Weighted,
+        /// First the number of consecutive fragments, then the sum of distances.
+        Lexicographic,
+    }
 }
-
-choices! { @param PathObjective {
-    /// The sum of distances and of the costs of breaks.
-    Weighted,
-    /// First the number of consecutive fragments, then the sum of distances.
-    Lexicographic,
-} }
 
 /// Rules of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,7 +61,8 @@ pub struct FragmentPath {
 fn scale_of(lists: &[Vec<Candidate>], least: f64) -> f64 {
     let mut all: Vec<f64> = lists.iter().flatten().map(|c| c.distance).collect();
     all.sort_by(f64::total_cmp);
-    all.get(all.len() / 2).copied().unwrap_or(0.0).max(least).max(f64::MIN_POSITIVE)
+    // Without distances the quantile is no number.
+    quantile(&all, 0.5).max(least).max(f64::MIN_POSITIVE)
 }
 
 /// The path with the least sum of distances, over their median, and of `break_cost` for each fragment that does not follow the one before it. Its cost

@@ -51,10 +51,6 @@ ports! {
     }
 }
 
-/// The node `PathScore`.
-#[derive(Debug)]
-pub struct PathScore;
-
 /// Shortest interval of a soundtrack that becomes a target, s.
 const SHORTEST: f64 = 0.005;
 
@@ -79,82 +75,110 @@ fn level(channels: &[Vec<f32>], rate: f64, (from, to): (f64, f64)) -> f64 {
     if count > 0 { (sum / count as f64).sqrt() } else { 0.0 }
 }
 
+/// How a path becomes a score.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathScoreRules {
+    /// Weight of silence.
+    pub least: f64,
+    /// Weight of the loudest interval.
+    pub greatest: f64,
+    /// Longest piece of a fragment, s; `None` for whole fragments.
+    pub piece: Option<f64>,
+    /// Time by which the sound follows the picture in the soundtrack, s.
+    pub av_offset: f64,
+}
+
+/// The score of a path over a soundtrack, and the number of fragments without a sound because the soundtrack ends before them.
+///
+/// # Complexity
+/// Linear in the soundtrack and in the pieces.
+#[must_use]
+pub fn path_to_score(
+    path: &FragmentPath,
+    (recording, channels, rate): (&str, &[Vec<f32>], f64),
+    rules: &PathScoreRules,
+) -> (SoundScore, usize) {
+    let end = channels.first().map_or(0.0, |x| x.len() as f64 / rate);
+    // The interval of the soundtrack of each fragment, and its level.
+    let mut used: BTreeMap<usize, ((f64, f64), f64)> = BTreeMap::new();
+    for fragment in &path.path {
+        let (from, to) = path.source_interval(*fragment);
+        let interval = ((from + rules.av_offset).clamp(0.0, end), (to + rules.av_offset).clamp(0.0, end));
+        used.entry(*fragment).or_insert_with(|| (interval, level(channels, rate, interval)));
+    }
+    used.retain(|_, ((from, to), _)| *to - *from >= SHORTEST);
+    let loudest = used.values().map(|(_, level)| *level).fold(0.0, f64::max);
+    let weight = |level: f64| {
+        let relative = if loudest > 0.0 { level / loudest } else { 0.0 };
+        rules.least + (rules.greatest - rules.least) * relative
+    };
+    let (mut sources, mut targets): (Vec<ScoreSource>, Vec<ScoreTarget>) = (Vec::new(), Vec::new());
+    // The first piece of a fragment in so many pieces.
+    let mut index: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+    let mut silent = 0;
+    for (k, fragment) in path.path.iter().enumerate() {
+        let target = path.target_interval(k);
+        let Some((interval, level)) = used.get(fragment).filter(|_| target.1 > target.0) else {
+            silent += 1;
+            continue;
+        };
+        let pieces = pieces(*interval, target, rules.piece);
+        let first = *index.entry((*fragment, pieces)).or_insert_with(|| {
+            let first = sources.len();
+            sources.extend((0..pieces).map(|piece| ScoreSource {
+                name: if pieces == 1 {
+                    format!("fragment {fragment}")
+                } else {
+                    format!("fragment {fragment}, {piece} of {pieces}")
+                },
+                recording: Some(recording.to_owned()),
+                segments: vec![part(*interval, piece, pieces)],
+                outside: Outside::None,
+                location: Location::default(),
+            }));
+            first
+        });
+        targets.extend((0..pieces).map(|piece| {
+            let (from, to) = part(target, piece, pieces);
+            ScoreTarget {
+                sources: vec![first + piece],
+                curve: WeightCurve::constant(from, to, weight(*level)),
+                location: Location::default(),
+            }
+        }));
+    }
+    let duration = path.target_cuts.last().map(|k| *k as f64 / path.rates.1);
+    (SoundScore { duration, sources, targets, ..SoundScore::default() }, silent)
+}
+
+/// The node over [`path_to_score`].
+#[derive(Debug)]
+pub struct PathScore;
+
 impl Func for PathScore {
     type Params = PathScoreParams;
     type Ports = PathScorePorts;
     const NAME: &'static str = "PathScore";
 
     fn eval(p: &PathScoreParams, _: &Build<'_>, mut io: PathScoreIo<'_>) -> Result<Summary, Fault> {
-        let (path, tree) = (io.path, io.tree);
+        let tree = io.tree;
         if p.least > p.greatest {
             let message = format!("`least` is {}, and `greatest` is {}", p.least, p.greatest);
             return Err(Fault::new("F156", message).at("least").help("give `least` no more than `greatest`"));
         }
-        let name = &p.recording.0;
-        let Some(source) = tree.find(name) else {
-            let names: Vec<&str> = tree.sources.iter().map(|s| s.name.as_str()).collect();
-            let message = format!("there is no recording {name:?}; recordings are {}", names.join(", "));
-            return Err(Fault::new("F156", message).at("recording"));
-        };
-        let channels: Vec<Vec<f32>> = (0..tree.channels).map(|c| tree.audio(source, c)).collect();
-        let end = channels.first().map_or(0.0, |x| x.len() as f64 / tree.rate);
-        // The interval of the soundtrack of each fragment, and its level.
-        let mut used: BTreeMap<usize, ((f64, f64), f64)> = BTreeMap::new();
-        for fragment in &path.path {
-            let (from, to) = path.source_interval(*fragment);
-            let interval = ((from + p.av_offset).clamp(0.0, end), (to + p.av_offset).clamp(0.0, end));
-            used.entry(*fragment).or_insert_with(|| (interval, level(&channels, tree.rate, interval)));
-        }
-        used.retain(|_, ((from, to), _)| *to - *from >= SHORTEST);
-        let loudest = used.values().map(|(_, level)| *level).fold(0.0, f64::max);
-        let weight = |level: f64| {
-            let relative = if loudest > 0.0 { level / loudest } else { 0.0 };
-            p.least + (p.greatest - p.least) * relative
-        };
-        let (mut sources, mut targets): (Vec<ScoreSource>, Vec<ScoreTarget>) = (Vec::new(), Vec::new());
-        // The first piece of a fragment in so many pieces.
-        let mut index: BTreeMap<(usize, usize), usize> = BTreeMap::new();
-        let mut silent = 0;
-        for (k, fragment) in path.path.iter().enumerate() {
-            let target = path.target_interval(k);
-            let Some((interval, level)) = used.get(fragment).filter(|_| target.1 > target.0) else {
-                silent += 1;
-                continue;
-            };
-            let pieces = pieces(*interval, target, p.piece);
-            let first = *index.entry((*fragment, pieces)).or_insert_with(|| {
-                let first = sources.len();
-                sources.extend((0..pieces).map(|piece| ScoreSource {
-                    name: if pieces == 1 {
-                        format!("fragment {fragment}")
-                    } else {
-                        format!("fragment {fragment}, {piece} of {pieces}")
-                    },
-                    recording: Some(tree.sources[source].name.clone()),
-                    segments: vec![part(*interval, piece, pieces)],
-                    outside: Outside::None,
-                    location: Location::default(),
-                }));
-                first
-            });
-            targets.extend((0..pieces).map(|piece| {
-                let (from, to) = part(target, piece, pieces);
-                ScoreTarget {
-                    sources: vec![first + piece],
-                    curve: WeightCurve::constant(from, to, weight(*level)),
-                    location: Location::default(),
-                }
-            }));
-        }
-        let mut summary: Summary = vec![("sounds", sources.len().into()), ("targets", targets.len().into())];
+        let source =
+            tree.find(&p.recording.0).map_err(|e| Fault::new("F156", e.to_string()).at("recording"))?;
+        let rules =
+            PathScoreRules { least: p.least, greatest: p.greatest, piece: p.piece, av_offset: p.av_offset };
+        let soundtrack = (tree.sources[source].name.as_str(), &tree.channels_of(source)[..], tree.rate);
+        let (score, silent) = path_to_score(io.path, soundtrack, &rules);
+        let mut summary: Summary =
+            vec![("sounds", score.sources.len().into()), ("targets", score.targets.len().into())];
         if silent > 0 {
-            let text = format!(
-                "{silent} fragments have no sound: the soundtrack ends at {end:.2} s, before the motion"
-            );
+            let text = format!("{silent} fragments have no sound: the soundtrack ends before the motion");
             summary.push(("warning", text.into()));
         }
-        let duration = path.target_cuts.last().map(|k| *k as f64 / path.rates.1);
-        io.score.set(SoundScore { duration, sources, targets, ..SoundScore::default() });
+        io.score.set(score);
         Ok(summary)
     }
 

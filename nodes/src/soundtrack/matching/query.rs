@@ -1,35 +1,22 @@
-//! Search of a motion for all intervals that are similar to one.
+//! A part of a motion that others are compared with.
 
 use super::dtw::{distance, envelope, outside};
 use super::matches::MotionMatch;
 use crate::choices;
-use crate::core::computation::Monitor;
 use crate::soundtrack::motion::{CurveError, MotionCurve};
-use rayon::prelude::*;
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use thiserror::Error;
 
-/// What is removed from a motion before it is compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Normalisation {
-    /// Its mean.
-    Offset,
-    /// Nothing.
-    None,
-    /// Its mean and its standard deviation.
-    ZScore,
+choices! {
+    /// What is removed from a motion before it is compared.
+    pub enum Normalisation {
+        /// Its mean.
+        Offset,
+        /// Nothing.
+        None,
+        /// Its mean and its standard deviation.
+        ZScore,
+    }
 }
-
-choices! { @param Normalisation {
-    /// Its mean.
-    Offset,
-    /// Nothing.
-    None,
-    /// Its mean and its standard deviation.
-    ZScore,
-} }
 
 /// Rules of a query.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,18 +97,26 @@ pub enum QueryError {
 
 /// The least number of frames of a query.
 const MIN_FRAMES: usize = 4;
-/// Windows that one task compares.
-const TASK: usize = 4096;
+
+/// Buffers of one comparison.
+#[derive(Default)]
+pub struct Scratch {
+    /// Mean and factor of each channel.
+    pub normal: Vec<(f32, f32)>,
+    window: Vec<f32>,
+}
 
 /// The frames of a window at the times of the frames of the query.
 #[derive(Clone, Debug)]
-struct Grid {
-    len: usize,
+pub struct Grid {
+    /// Frames of the window.
+    pub len: usize,
     points: Vec<(usize, f32)>,
 }
 
 impl Grid {
-    fn new(len: usize, frames: usize) -> Self {
+    /// The frames of windows of a length.
+    pub fn new(len: usize, frames: usize) -> Self {
         let point = |j: usize| {
             let at = j as f64 * (len - 1) as f64 / (frames - 1) as f64;
             let k = (at as usize).min(len.saturating_sub(2));
@@ -132,19 +127,20 @@ impl Grid {
 }
 
 /// A query, ready for comparisons.
-struct Query<'a> {
+pub struct Query<'a> {
     curve: &'a MotionCurve,
     rules: QueryRules,
-    frames: usize,
-    values: Vec<f32>,
+    /// Frames of the query.
+    pub frames: usize,
+    pub(super) values: Vec<f32>,
     envelope: Vec<[f32; 2]>,
     /// Frames in the order in which windows differ most.
     order: Vec<usize>,
-    radius: usize,
+    pub(super) radius: usize,
     /// Standard deviation of the query.
-    deviation: f64,
+    pub(super) deviation: f64,
     /// Distance at the threshold.
-    limit: f64,
+    pub limit: f64,
     /// Sums of values and of squares before each frame, by channel.
     sums: Vec<[f64; 2]>,
     /// Frames in gaps before each frame.
@@ -163,7 +159,11 @@ fn normaliser(rule: Normalisation, sums: [f64; 2], n: f64) -> (f32, f32) {
 }
 
 impl<'a> Query<'a> {
-    fn new(
+    /// Prepares a part of a motion for comparisons with another one.
+    ///
+    /// # Errors
+    /// As [`find_matches`](super::search::find_matches).
+    pub fn new(
         curve: &'a MotionCurve,
         source: &MotionCurve,
         (from, to): (f64, f64),
@@ -218,7 +218,7 @@ impl<'a> Query<'a> {
         }
         let mut gaps = vec![0; curve.frames() + 1];
         for (from, to) in &curve.gaps {
-            gaps.iter_mut().skip(from + 1).take(to - from).for_each(|g| *g = 1);
+            gaps.get_mut(from + 1..=*to).into_iter().for_each(|gap| gap.fill(1));
         }
         let mut total = 0;
         gaps.iter_mut().for_each(|g| {
@@ -230,7 +230,7 @@ impl<'a> Query<'a> {
     }
 
     /// The lengths of windows, in frames.
-    fn lengths(&self) -> Vec<usize> {
+    pub fn lengths(&self) -> Vec<usize> {
         let (n, most) = (self.frames as f64, self.curve.frames());
         let (short, long) = (self.rules.shortest * n, self.rules.longest * n);
         let mut all: Vec<usize> = if self.rules.exhaustive {
@@ -245,7 +245,7 @@ impl<'a> Query<'a> {
     }
 
     /// Finds the normalisation of each channel of a window; returns false if the window has a gap.
-    fn normalise(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> bool {
+    pub fn normalise(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> bool {
         let channels = self.curve.channels;
         scratch.normal.clear();
         scratch.normal.extend((0..channels).map(|c| {
@@ -268,7 +268,7 @@ impl<'a> Query<'a> {
     /// A lower bound of the squared distance of a window, from its ends and `points` more frames. It stops above the threshold.
     ///
     /// The ends are matched with the ends of the query, and every other frame with one within the radius.
-    fn bound(&self, grid: &Grid, start: usize, normal: &[(f32, f32)], points: usize) -> f64 {
+    pub fn bound(&self, grid: &Grid, start: usize, normal: &[(f32, f32)], points: usize) -> f64 {
         let (channels, most) = (self.curve.channels, self.limit * self.limit);
         let mut bound = 0.0;
         for j in [0, self.frames - 1] {
@@ -289,235 +289,38 @@ impl<'a> Query<'a> {
         bound
     }
 
-    /// Writes a window and returns a better lower bound of its squared distance, if it does not exceed the threshold.
-    fn full_bound(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> Option<f64> {
-        let (channels, most) = (self.curve.channels, self.limit * self.limit);
+    /// Writes a window that is normalised.
+    fn write(&self, grid: &Grid, start: usize, scratch: &mut Scratch) {
+        let Scratch { normal, window } = scratch;
+        window.clear();
+        for j in 0..self.frames {
+            window.extend((0..self.curve.channels).map(|c| self.value(grid, start, normal, j, c)));
+        }
+    }
+
+    /// A better lower bound of the squared distance of a window, if it does not exceed the threshold.
+    pub fn full_bound(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> Option<f64> {
+        let most = self.limit * self.limit;
         let own = self.bound(grid, start, &scratch.normal, usize::MAX);
         if own > most {
             return None;
         }
-        scratch.window.clear();
-        for j in 0..self.frames {
-            for c in 0..channels {
-                let x = self.value(grid, start, &scratch.normal, j, c);
-                scratch.window.push(x);
-            }
-        }
-        let other = envelope(&scratch.window, channels, self.radius);
+        self.write(grid, start, scratch);
+        let other = envelope(&scratch.window, self.curve.channels, self.radius);
         let other: f64 = other.iter().zip(&self.values).map(|(e, x)| outside(*x, *e)).sum();
         (other <= most).then_some(own.max(other))
     }
 
     /// The distance of a window, if it does not exceed the threshold.
-    fn distance(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> Option<f64> {
-        if !self.normalise(grid, start, scratch) {
-            return None;
-        }
-        self.full_bound(grid, start, scratch)?;
+    pub fn distance(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> Option<f64> {
+        self.write(grid, start, scratch);
         distance(&self.values, &scratch.window, self.curve.channels, self.radius, self.limit)
     }
 
-    fn found(&self, grid: &Grid, start: usize, distance: f64) -> MotionMatch {
+    /// The match of a window with a distance.
+    pub fn found(&self, grid: &Grid, start: usize, distance: f64) -> MotionMatch {
         let similarity = (-distance / (self.frames as f64).sqrt() / self.deviation).exp();
         let at = |k: usize| k as f64 / self.curve.rate;
         MotionMatch { from: at(start), to: at(start + grid.len), similarity }
     }
 }
-
-/// Buffers of one comparison.
-#[derive(Default)]
-struct Scratch {
-    /// Mean and factor of each channel.
-    normal: Vec<(f32, f32)>,
-    window: Vec<f32>,
-}
-
-/// Calls `each` for all windows, in parallel, and collects what it finds, in order.
-fn windows<T: Send>(
-    curve: &MotionCurve,
-    grids: &[Grid],
-    monitor: &Monitor<'_>,
-    each: impl Fn(usize, usize, &mut Scratch) -> Option<T> + Sync,
-) -> Result<Vec<T>, QueryError> {
-    let mut tasks = Vec::new();
-    for (g, grid) in grids.iter().enumerate() {
-        let starts = curve.frames() + 1 - grid.len;
-        tasks.extend((0..starts).step_by(TASK).map(|from| (g, from, (from + TASK).min(starts))));
-    }
-    let (done, is_stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let of_task = |(g, from, to): &(usize, usize, usize)| {
-        let (mut found, mut scratch) = (Vec::new(), Scratch::default());
-        if !is_stopped.load(Ordering::Relaxed) {
-            found.extend((*from..*to).filter_map(|start| each(*g, start, &mut scratch)));
-            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            if monitor(count as f64 / tasks.len() as f64) {
-                is_stopped.store(true, Ordering::Relaxed);
-            }
-        }
-        found
-    };
-    let found: Vec<T> = tasks.par_iter().flat_map_iter(of_task).collect();
-    if is_stopped.into_inner() { Err(QueryError::Stopped) } else { Ok(found) }
-}
-
-/// A window in the order of its distance, or of what is known of it.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Ranked {
-    /// Bits of the squared distance or of a lower bound of it, which are in the order of the numbers.
-    bound: u64,
-    /// What the bound is: of some frames, of all frames, or the distance.
-    step: Step,
-    start: u32,
-    len: u32,
-    grid: u32,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Step {
-    Coarse,
-    Full,
-    Exact,
-}
-
-/// Frames that the first bound is taken of.
-const COARSE: usize = 16;
-
-/// The parts of a motion that are similar to a part of a motion, as [`without_overlap`] chooses among [`find_matches`], the most similar first, in
-/// order of time.
-///
-/// Windows are looked at in the order of lower bounds of their distances, which are refined as far as needed: what overlaps a better match is never
-/// compared.
-///
-/// # Errors
-/// As [`find_matches`].
-///
-/// # Complexity
-/// Frames times lengths, with a constant of a few comparisons.
-pub fn best_matches(
-    curve: &MotionCurve,
-    source: &MotionCurve,
-    interval: (f64, f64),
-    rules: QueryRules,
-    monitor: &Monitor<'_>,
-) -> Result<Vec<MotionMatch>, QueryError> {
-    let query = Query::new(curve, source, interval, rules)?;
-    let grids: Vec<Grid> = query.lengths().into_iter().map(|len| Grid::new(len, query.frames)).collect();
-    let most = query.limit * query.limit;
-    let coarse = |g: usize, start: usize, scratch: &mut Scratch| {
-        let grid = &grids[g];
-        if !query.normalise(grid, start, scratch) {
-            return None;
-        }
-        let bound = query.bound(grid, start, &scratch.normal, COARSE);
-        (bound <= most).then(|| {
-            let (start, len, grid) = (start as u32, grid.len as u32, g as u32);
-            Reverse(Ranked { bound: bound.to_bits(), step: Step::Coarse, start, len, grid })
-        })
-    };
-    let mut heap = BinaryHeap::from(windows(curve, &grids, monitor, coarse)?);
-    let mut chosen: BTreeMap<u32, (u32, MotionMatch)> = BTreeMap::new();
-    let mut scratch = Scratch::default();
-    while let Some(Reverse(ranked)) = heap.pop() {
-        let (start, end) = (ranked.start, ranked.start + ranked.len);
-        let overlaps = chosen.range(..end).next_back().is_some_and(|(_, (other, _))| *other > start);
-        if overlaps {
-            continue;
-        }
-        let grid = &grids[ranked.grid as usize];
-        let at = start as usize;
-        let next = match ranked.step {
-            Step::Exact => {
-                chosen.insert(start, (end, query.found(grid, at, f64::from_bits(ranked.bound).sqrt())));
-                continue;
-            }
-            Step::Coarse => {
-                query.normalise(grid, at, &mut scratch);
-                query.full_bound(grid, at, &mut scratch).map(|bound| (bound, Step::Full))
-            }
-            Step::Full => query.distance(grid, at, &mut scratch).map(|d| (d * d, Step::Exact)),
-        };
-        if let Some((bound, step)) = next {
-            // The bound of all frames can be smaller by rounding.
-            let bound = bound.to_bits().max(if step == Step::Exact { 0 } else { ranked.bound });
-            heap.push(Reverse(Ranked { bound, step, ..ranked }));
-        }
-    }
-    Ok(chosen.into_values().map(|(_, found)| found).collect())
-}
-
-/// All windows of a motion whose similarity to a part of a motion reaches the threshold.
-///
-/// Windows of all lengths between the shortest and the longest are stretched to the length of the query. The similarity is `exp(-D / (sd
-/// sqrt(n)))`, with the distance `D` of dynamic time warping, the number `n` of frames and the standard deviation `sd` of the query.
-///
-/// # Errors
-/// Curves and queries that cannot be compared, and queries that are flat.
-///
-/// # Complexity
-/// Frames times lengths; a window costs a few comparisons, unless it is nearly similar. Lower bounds leave nothing out.
-///
-/// # Source
-/// Cardle et al., "Sound-by-Numbers" (SCA 2003), section 5.2. Keogh and Ratanamahatana, "Exact indexing of dynamic time warping" (KAIS 7, 2005),
-/// for the bounds.
-pub fn find_matches(
-    curve: &MotionCurve,
-    source: &MotionCurve,
-    interval: (f64, f64),
-    rules: QueryRules,
-    monitor: &Monitor<'_>,
-) -> Result<Vec<MotionMatch>, QueryError> {
-    let query = Query::new(curve, source, interval, rules)?;
-    let grids: Vec<Grid> = query.lengths().into_iter().map(|len| Grid::new(len, query.frames)).collect();
-    windows(curve, &grids, monitor, |g, start, scratch| {
-        let d = query.distance(&grids[g], start, scratch)?;
-        Some(query.found(&grids[g], start, d))
-    })
-}
-
-/// Of matches, those that do not overlap, in order of time: the most similar first, of equals the earlier and then the shorter; or with `optimal`
-/// those whose similarities have the greatest sum.
-#[must_use]
-pub fn without_overlap(mut all: Vec<MotionMatch>, optimal: bool) -> Vec<MotionMatch> {
-    let mut chosen: Vec<MotionMatch> = Vec::new();
-    if optimal {
-        all.sort_by(|a, b| a.to.total_cmp(&b.to).then(a.from.total_cmp(&b.from)));
-        // The best sum of the matches up to each, and the number of those that end before one begins.
-        let mut sums = vec![0.0];
-        let before: Vec<usize> =
-            all.iter().map(|m| all.partition_point(|other| other.to <= m.from + 1e-9)).collect();
-        for (k, m) in all.iter().enumerate() {
-            let with = m.similarity + sums[before[k]];
-            sums.push(with.max(sums[k]));
-        }
-        let mut k = all.len();
-        while k > 0 {
-            if sums[k] > sums[k - 1] {
-                chosen.push(all[k - 1]);
-                k = before[k - 1];
-            } else {
-                k -= 1;
-            }
-        }
-    } else {
-        all.sort_by(|a, b| {
-            let length = |m: &MotionMatch| m.to - m.from;
-            b.similarity
-                .total_cmp(&a.similarity)
-                .then(a.from.total_cmp(&b.from))
-                .then(length(a).total_cmp(&length(b)))
-        });
-        for m in all {
-            let k = chosen.partition_point(|other| other.from < m.from);
-            let is_free = chosen.get(k).is_none_or(|next| next.from >= m.to - 1e-9)
-                && k.checked_sub(1).is_none_or(|k| chosen[k].to <= m.from + 1e-9);
-            if is_free {
-                chosen.insert(k, m);
-            }
-        }
-    }
-    chosen.sort_by(|a, b| a.from.total_cmp(&b.from));
-    chosen
-}
-
-#[cfg(test)]
-mod tests;

@@ -3,21 +3,15 @@
 use crate::choices;
 use crate::dsp::{Band, Butterworth, zero_phase};
 
-/// Where a motion is cut.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SegmentVariant {
-    /// Where its derivative changes its sign: continuous sound through steady motion.
-    FirstDerivative,
-    /// Where its second derivative changes its sign: continuous sound where the motion turns.
-    SecondDerivative,
+choices! {
+    /// Where a motion is cut.
+    pub enum SegmentVariant {
+        /// Where its derivative changes its sign: continuous sound through steady motion.
+        FirstDerivative,
+        /// Where its second derivative changes its sign: continuous sound where the motion turns.
+        SecondDerivative,
+    }
 }
-
-choices! { @param SegmentVariant {
-    /// Where its derivative changes its sign: continuous sound through steady motion.
-    FirstDerivative,
-    /// Where its second derivative changes its sign: continuous sound where the motion turns.
-    SecondDerivative,
-} }
 
 /// Rules of the cuts.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,7 +9,7 @@ use crate::core::params::{Params, Text};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
-use crate::soundtrack::wavelet::{TreeSource, WaveletTree};
+use crate::soundtrack::wavelet::WaveletTree;
 use crate::{params, ports};
 
 params! {
@@ -58,17 +58,12 @@ impl Func for SoundSpot {
 
     fn eval(p: &SoundSpotParams, _: &Build<'_>, mut io: SoundSpotIo<'_>) -> Result<Summary, Fault> {
         let tree = io.tree;
-        let Some(source) = tree.find(&p.recording.0) else {
-            let names: Vec<&str> = tree.sources.iter().map(|s: &TreeSource| s.name.as_str()).collect();
-            let message =
-                format!("there is no recording {:?}; recordings are {}", p.recording.0, names.join(", "));
-            return Err(Fault::new("F156", message).at("recording"));
-        };
-        let mut mono = tree.audio(source, 0);
-        for c in 1..tree.channels {
-            mono.iter_mut().zip(tree.audio(source, c)).for_each(|(sum, x)| *sum += x);
-        }
-        mono.iter_mut().for_each(|x| *x /= tree.channels as f32);
+        let source =
+            tree.find(&p.recording.0).map_err(|e| Fault::new("F156", e.to_string()).at("recording"))?;
+        let channels = tree.channels_of(source);
+        let frames = channels.first().map_or(0, Vec::len);
+        let mean = |k: usize| channels.iter().map(|x| x[k]).sum::<f32>() / channels.len() as f32;
+        let mono: Vec<f32> = (0..frames).map(mean).collect();
         let mut matches = spots(&mono, tree.rate, (p.from, p.to), p.count, p.least)
             .map_err(|e| Fault::new("F156", e.to_string()).at("from"))?;
         matches.sort_by(|a, b| a.from.total_cmp(&b.from));

@@ -6,6 +6,7 @@ use crate::feature::MelCepstrum;
 use crate::feature::conventions::{
     BandShape, FeatureConventions, FeatureWindow, FloorRule, LogScale, MelScale,
 };
+use crate::material::statistics::quantile;
 use thiserror::Error;
 
 /// Mel cepstral coefficients of a frame, without the first, which is the loudness.
@@ -99,11 +100,10 @@ fn alignments<const N: usize>(query: &[[f32; N]], all: &[[f32; N]]) -> Vec<Cell>
     let local = |a: &[f32; N], b: &[f32; N]| -> f64 {
         a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
     };
-    // Rows of the frames before this one, by frame of the query.
-    let (mut last, mut before) = (vec![NONE; query.len()], vec![NONE; query.len()]);
+    // Rows of this frame and of the two before it, by frame of the query.
+    let [mut row, mut last, mut before] = [(); 3].map(|()| vec![NONE; query.len()]);
     let mut out = Vec::with_capacity(all.len());
     for (t, frame) in all.iter().enumerate() {
-        let mut row = vec![NONE; query.len()];
         for (i, q) in query.iter().enumerate() {
             let cost = local(q, frame);
             if i == 0 {
@@ -115,7 +115,8 @@ fn alignments<const N: usize>(query: &[[f32; N]], all: &[[f32; N]]) -> Vec<Cell>
             row[i] = Cell { cost: best.cost + cost, steps: best.steps + 1, start: best.start };
         }
         out.push(row[query.len() - 1]);
-        before = std::mem::replace(&mut last, row);
+        std::mem::swap(&mut before, &mut last);
+        std::mem::swap(&mut last, &mut row);
     }
     out
 }
@@ -150,7 +151,7 @@ pub fn spots(
     let mean = |cell: &Cell| cell.cost / f64::from(cell.steps.max(1));
     let mut costs: Vec<f64> = ends.iter().map(mean).filter(|c| c.is_finite()).collect();
     costs.sort_by(f64::total_cmp);
-    let median = costs.get(costs.len() / 2).copied().unwrap_or(1.0).max(1e-9);
+    let median = quantile(&costs, 0.5).max(1e-9);
     let mut order: Vec<(usize, &Cell)> =
         ends.iter().enumerate().filter(|(_, c)| c.cost.is_finite()).collect();
     order.sort_by(|x, y| mean(x.1).total_cmp(&mean(y.1)).then(x.0.cmp(&y.0)));

@@ -9,7 +9,7 @@ use crate::core::params::{AssetPath, Text};
 use crate::core::ports::Stream;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::core::time::{Rate, seconds};
+use crate::core::time::{Rate, seconds, ticks};
 use crate::{params, ports};
 
 params! {
@@ -60,11 +60,11 @@ impl Node for CurveFile {
     type Params = CurveFileParams;
     type Ports = CurveFilePorts;
     const NAME: &'static str = "CurveFile";
-    const CLASS: Class = Class::Worker;
+    const CLASS: Class = Class::Audio;
 
     fn shape(p: &CurveFileParams, s: &mut Shape<'_, '_, CurveFilePorts>) -> Result<(), Reject> {
         let table = read(p, &s.bytes("path", &p.path.0)?)?;
-        let frames = p.rate.first_at(crate::core::time::ticks(table.end()) + 1);
+        let frames = p.rate.first_at(ticks(table.end()) + 1);
         s.ends(Some(p.rate.tick(frames)));
         s.output(CurveFilePorts::curve, p.rate, Channels(table.names.len() as u16));
         Ok(())
@@ -75,9 +75,11 @@ impl Node for CurveFile {
     }
 
     fn run(&mut self, mut io: CurveFileIo<'_>) -> Result<(), Fault> {
-        let (first, rate, len) = (io.curve.first(), io.curve.rate(), io.curve.len() as i64);
-        let times = (first..first + len).map(|k| seconds(rate.tick(k)));
-        io.curve.items().copy_from_slice(&self.table.sampled(times));
+        let (first, rate, width) = (io.curve.first(), io.curve.rate(), io.curve.width());
+        for (k, item) in (first..).zip(io.curve.items().chunks_exact_mut(width)) {
+            let time = seconds(rate.tick(k));
+            item.iter_mut().enumerate().for_each(|(c, x)| *x = self.table.at(c, time) as f32);
+        }
         Ok(())
     }
 

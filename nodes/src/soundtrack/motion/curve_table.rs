@@ -1,6 +1,6 @@
 //! Curves from tables: CSV, and JSON lines.
 
-use crate::core::files::strip_bom;
+use crate::core::files::{excerpt, strip_bom};
 use crate::io::csv_error;
 use thiserror::Error;
 
@@ -25,17 +25,23 @@ fn wrong<T>(line: u64, message: impl Into<String>) -> Result<T, CurveTableError>
     Err(CurveTableError { line, message: message.into() })
 }
 
+/// A number of a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Point {
+    row: usize,
+    time: f64,
+    value: f64,
+}
+
 /// Numbers at increasing times.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CurveTable {
     /// Names of the numbers.
     pub names: Vec<String>,
-    /// Times, s, and the numbers of each; NaN where there is none.
-    rows: Vec<(f64, Vec<f64>)>,
-}
-
-fn excerpt(text: &str) -> String {
-    text.chars().take(40).collect()
+    /// The finite numbers of each column, in order of time.
+    columns: Vec<Vec<Point>>,
+    rows: usize,
+    end: f64,
 }
 
 /// A number that may be missing.
@@ -47,58 +53,59 @@ fn value(text: &str) -> Option<f64> {
 }
 
 impl CurveTable {
-    fn push(&mut self, line: u64, time: f64, row: Vec<f64>) -> Result<(), CurveTableError> {
+    fn new(names: Vec<String>) -> Self {
+        Self { columns: vec![Vec::new(); names.len()], names, rows: 0, end: f64::NEG_INFINITY }
+    }
+
+    fn push(
+        &mut self,
+        line: u64,
+        time: f64,
+        row: impl Iterator<Item = Result<f64, CurveTableError>>,
+    ) -> Result<(), CurveTableError> {
         if !(0.0..=MAX_TIME).contains(&time) {
             return wrong(line, format!("the time is {time}; a number from 0 to {MAX_TIME} is needed"));
         }
-        if let Some((last, _)) = self.rows.last().filter(|(last, _)| *last >= time) {
-            return wrong(line, format!("the time {time} s follows {last} s; times must increase"));
+        if time <= self.end {
+            return wrong(line, format!("the time {time} s follows {} s; times must increase", self.end));
         }
-        if self.rows.len() == MAX_ROWS {
+        if self.rows == MAX_ROWS {
             return wrong(line, format!("there are more than {MAX_ROWS} rows"));
         }
-        self.rows.push((time, row));
+        for (column, value) in self.columns.iter_mut().zip(row) {
+            let value = value?;
+            if value.is_finite() {
+                column.push(Point { row: self.rows, time, value });
+            }
+        }
+        (self.rows, self.end) = (self.rows + 1, time);
         Ok(())
     }
 
     /// Time of the last row, s.
     #[must_use]
     pub fn end(&self) -> f64 {
-        self.rows.last().map_or(0.0, |(time, _)| *time)
+        self.end.max(0.0)
     }
 
-    /// The numbers at times that increase: on straight lines between rows, the first before the first row. Between rows, more than 0.1 s apart,
+    /// The number of a column at a time: on straight lines between rows, the first before the first row. Between rows, more than 0.1 s apart,
     /// that enclose rows without a number, it is NaN.
+    ///
+    /// # Complexity
+    /// Logarithmic in the rows.
     #[must_use]
-    pub fn sampled(&self, times: impl Iterator<Item = f64> + Clone) -> Vec<f32> {
-        let width = self.names.len();
-        let count = times.clone().count();
-        let mut out = vec![f32::NAN; count * width];
-        for c in 0..width {
-            let known: Vec<(usize, f64, f64)> = self
-                .rows
-                .iter()
-                .enumerate()
-                .filter_map(|(k, (t, row))| row.get(c).filter(|x| x.is_finite()).map(|x| (k, *t, *x)))
-                .collect();
-            let mut next = 0;
-            for (k, t) in times.clone().enumerate() {
-                while known.get(next).is_some_and(|(_, at, _)| *at <= t) {
-                    next += 1;
-                }
-                let x = match (next.checked_sub(1).and_then(|k| known.get(k)), known.get(next)) {
-                    (Some((_, at, x)), _) if *at == t => *x,
-                    (Some((i, a, x)), Some((j, b, y))) if j - i == 1 || b - a <= BRIDGED => {
-                        x + (y - x) * (t - a) / (b - a)
-                    }
-                    (Some(_), Some(_)) => f64::NAN,
-                    (Some((_, _, x)), None) | (None, Some((_, _, x))) => *x,
-                    (None, None) => f64::NAN,
-                };
-                out[k * width + c] = x as f32;
+    pub fn at(&self, column: usize, time: f64) -> f64 {
+        let Some(points) = self.columns.get(column) else { return f64::NAN };
+        let next = points.partition_point(|p| p.time <= time);
+        match (next.checked_sub(1).map(|k| points[k]), points.get(next)) {
+            (Some(a), _) if a.time == time => a.value,
+            (Some(a), Some(b)) if b.row - a.row == 1 || b.time - a.time <= BRIDGED => {
+                a.value + (b.value - a.value) * (time - a.time) / (b.time - a.time)
             }
+            (Some(_), Some(_)) | (None, None) => f64::NAN,
+            (Some(a), None) => a.value,
+            (None, Some(b)) => b.value,
         }
-        out
     }
 }
 
@@ -115,7 +122,7 @@ impl CurveTable {
 /// use foley_nodes::soundtrack::motion::read_curve_table;
 ///
 /// let table = read_curve_table(b"time_s,speed\n0,1\n0.5,2\n", "")?;
-/// assert_eq!(table.sampled([0.0, 0.25, 0.5].into_iter()), [1.0, 1.5, 2.0]);
+/// assert_eq!([0.0, 0.25, 0.5].map(|t| table.at(0, t)), [1.0, 1.5, 2.0]);
 /// # Ok::<(), foley_nodes::soundtrack::motion::CurveTableError>(())
 /// ```
 pub fn read_curve_table(bytes: &[u8], column: &str) -> Result<CurveTable, CurveTableError> {
@@ -126,7 +133,7 @@ pub fn read_curve_table(bytes: &[u8], column: &str) -> Result<CurveTable, CurveT
         Some(b'{') => read_lines(bytes, column)?,
         Some(_) => read_csv(bytes, column)?,
     };
-    if table.rows.is_empty() {
+    if table.rows == 0 {
         return wrong(1, "there is no row");
     }
     Ok(table)
@@ -161,8 +168,7 @@ fn read_csv(bytes: &[u8], column: &str) -> Result<CurveTable, CurveTableError> {
     let line = header.position().map_or(1, csv::Position::line);
     let names: Vec<String> = header.iter().map(str::to_owned).collect();
     let (time, values) = selected(&names, column, line)?;
-    let mut table =
-        CurveTable { names: values.iter().map(|k| names[*k].clone()).collect(), rows: Vec::new() };
+    let mut table = CurveTable::new(values.iter().map(|k| names[*k].clone()).collect());
     for row in csv.records() {
         let row = row.map_err(bad)?;
         let line = row.position().map_or(0, csv::Position::line);
@@ -174,15 +180,13 @@ fn read_csv(bytes: &[u8], column: &str) -> Result<CurveTable, CurveTableError> {
             })
         };
         let at = number(time)?;
-        let found = values.iter().map(|k| number(*k)).collect::<Result<Vec<f64>, _>>()?;
-        table.push(line, at, found)?;
+        table.push(line, at, values.iter().map(|k| number(*k)))?;
     }
     Ok(table)
 }
 
 fn read_lines(bytes: &[u8], column: &str) -> Result<CurveTable, CurveTableError> {
-    let mut table = CurveTable::default();
-    let mut columns: Option<(String, Vec<String>)> = None;
+    let mut found: Option<(String, CurveTable)> = None;
     for (k, text) in bytes.split(|b| *b == b'\n').enumerate() {
         let line = k as u64 + 1;
         if text.trim_ascii().is_empty() {
@@ -190,12 +194,13 @@ fn read_lines(bytes: &[u8], column: &str) -> Result<CurveTable, CurveTableError>
         }
         let object: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(text)
             .map_err(|e| CurveTableError { line, message: format!("this is no JSON object: {e}") })?;
-        let (time, names) = match &columns {
-            Some(columns) => columns,
+        let (time, table) = match &mut found {
+            Some(found) => found,
             None => {
                 let names: Vec<String> = object.keys().cloned().collect();
                 let (time, values) = selected(&names, column, line)?;
-                columns.insert((names[time].clone(), values.iter().map(|k| names[*k].clone()).collect()))
+                let table = CurveTable::new(values.iter().map(|k| names[*k].clone()).collect());
+                found.insert((names[time].clone(), table))
             }
         };
         let number = |name: &String| match object.get(name) {
@@ -206,11 +211,10 @@ fn read_lines(bytes: &[u8], column: &str) -> Result<CurveTable, CurveTableError>
             }),
         };
         let at = number(time)?;
-        let row = names.iter().map(number).collect::<Result<Vec<f64>, _>>()?;
-        table.push(line, at, row)?;
+        let names = table.names.clone();
+        table.push(line, at, names.iter().map(number))?;
     }
-    table.names = columns.map(|(_, names)| names).unwrap_or_default();
-    Ok(table)
+    Ok(found.map(|(_, table)| table).unwrap_or_default())
 }
 
 #[cfg(test)]
@@ -218,7 +222,9 @@ mod tests {
     use super::*;
 
     fn sampled(text: &str, times: &[f64]) -> Vec<f32> {
-        read_curve_table(text.as_bytes(), "").unwrap().sampled(times.iter().copied())
+        let table = read_curve_table(text.as_bytes(), "").unwrap();
+        let all = |t: &f64| (0..table.names.len()).map(|c| table.at(c, *t) as f32).collect::<Vec<f32>>();
+        times.iter().flat_map(all).collect()
     }
 
     #[test]
@@ -227,7 +233,7 @@ mod tests {
         assert_eq!(sampled(text, &[0.0, 0.5, 0.625, 1.375, 2.0, 3.0]), [1.0, 1.0, 1.5, 3.0, 4.0, 4.0]);
         let two = "x,time,y\n1,0,5\n3,1,7\n";
         assert_eq!(sampled(two, &[0.5]), [2.0, 6.0]);
-        assert_eq!(read_curve_table(two.as_bytes(), "y").unwrap().sampled([0.5].into_iter()), [6.0]);
+        assert_eq!(read_curve_table(two.as_bytes(), "y").unwrap().at(0, 0.5), 6.0);
         let lines = "{\"time\": 0, \"h\": 1, \"v\": null}\n\n{\"time\": 1, \"h\": 2, \"v\": 3}\n";
         assert_eq!(sampled(lines, &[0.5]), [1.5, 3.0]);
     }

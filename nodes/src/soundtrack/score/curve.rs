@@ -16,6 +16,12 @@ impl WeightCurve {
         Self { points: vec![(from, weight), (to, weight)] }
     }
 
+    /// The first and the last time; `None` without points.
+    #[must_use]
+    pub fn ends(&self) -> Option<(f64, f64)> {
+        Some((self.points.first()?.0, self.points.last()?.0))
+    }
+
     /// The integral from the first point to a time.
     fn integral(&self, sums: &[f64], t: f64) -> f64 {
         let after = self.points.partition_point(|(at, _)| *at <= t);
@@ -68,13 +74,6 @@ impl MeanCurve {
     pub fn new(curve: &WeightCurve) -> Self {
         let (inclusions, exclusions) = (curve.plateaus(1.0), curve.plateaus(-1.0));
         Self { curve: curve.clone(), sums: curve.sums(), inclusions, exclusions }
-    }
-
-    /// The first and the last time.
-    #[must_use]
-    pub fn ends(&self) -> (f64, f64) {
-        let points = &self.curve.points;
-        (points.first().map_or(0.0, |p| p.0), points.last().map_or(0.0, |p| p.0))
     }
 
     /// The mean weight over an interval.

@@ -75,11 +75,6 @@ fn listed(lines: &[u32]) -> String {
     format!("line{} {}{more}", if lines.len() == 1 { "" } else { "s" }, first.join(", "))
 }
 
-/// The first 40 characters of a text.
-fn excerpt(text: &str) -> String {
-    text.chars().take(40).collect()
-}
-
 impl EditList {
     /// Adds a notice about lines, if there are any.
     fn note(&mut self, lines: &[u32], what: &str) {

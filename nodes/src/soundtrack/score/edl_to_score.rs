@@ -36,7 +36,7 @@ params! {
         av_offset: f64 = 0.0, unit "s", range -60.0..=60.0;
         /// Time in the list of the first frame of the source, such as 3600 for 01:00:00:00.
         source_start: f64 = 0.0, unit "s", range 0.0..=86400.0;
-        /// Weight of edits without their own: 1 includes their sound for certain, less is a probability.
+        /// Weight of edits without their own: 1 for hard inclusion of their sound, less for a probability.
         weight: f64 = 1.0, unit "", range 0.0..=1.0;
         /// Lets the first edit begin at 0 s.
         from_zero: bool = true;

@@ -10,22 +10,16 @@ use serde::{Deserialize, Serialize};
 /// Maximum number of targets, and of sources, of a score.
 pub const MAX_TARGETS: usize = 100_000;
 
-/// What holds for a sound outside of its targets.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Outside {
-    /// Nothing: it may occur.
-    #[default]
-    None,
-    /// It must not occur.
-    Exclude,
+choices! {
+    /// What holds for a sound outside of its targets.
+    #[derive(Serialize, Deserialize)]
+    pub enum Outside {
+        /// Nothing: it may occur.
+        None,
+        /// It must not occur.
+        Exclude,
+    }
 }
-
-choices! { @param Outside {
-    /// Nothing: it may occur.
-    None,
-    /// It must not occur.
-    Exclude,
-} }
 
 /// A sound: one or more intervals of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,7 +41,7 @@ pub struct ScoreSource {
 pub struct ScoreTarget {
     /// The sounds, by index, in increasing order.
     pub sources: Vec<usize>,
-    /// The weight over time: 1 includes them and -1 excludes them for certain; between, it is the probability that they are included, or
+    /// The weight over time: 1 is hard inclusion and -1 hard exclusion; between, it is the probability that they are included, or
     /// excluded, beyond what chance makes of it. 0 is no constraint.
     pub curve: WeightCurve,
     /// Location in its file.

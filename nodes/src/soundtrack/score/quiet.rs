@@ -1,5 +1,7 @@
 //! Passages of a recording that are nearly silent.
 
+use crate::material::statistics::quantile;
+
 /// Length of a window and distance between windows, s.
 const WINDOW: (f64, f64) = (0.02, 0.01);
 /// Highest and relative level of a quiet passage: dB of full scale, and dB above the level of the quietest tenth.
@@ -35,7 +37,7 @@ pub fn quiet_passages(channels: &[Vec<f32>], rate: f64) -> Vec<(f64, f64)> {
     let levels: Vec<f64> = (0..=frames - len).step_by(hop).map(level).collect();
     let mut sorted = levels.clone();
     sorted.sort_by(f64::total_cmp);
-    let threshold = QUIET.0.max(sorted[sorted.len() / 10] + QUIET.1);
+    let threshold = QUIET.0.max(quantile(&sorted, 0.1) + QUIET.1);
     let at = |k: usize| (k * hop) as f64 / rate;
     let (mut found, mut start) = (Vec::new(), None);
     for (k, level) in levels.iter().enumerate() {

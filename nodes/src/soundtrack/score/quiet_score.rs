@@ -50,19 +50,15 @@ impl Func for QuietScore {
 
     fn eval(p: &QuietScoreParams, _: &Build<'_>, mut io: QuietScoreIo<'_>) -> Result<Summary, Fault> {
         let tree = io.tree;
-        let passages: Vec<Vec<(f64, f64)>> = (0..tree.sources.len())
-            .map(|k| {
-                let channels: Vec<Vec<f32>> = (0..tree.channels).map(|c| tree.audio(k, c)).collect();
-                quiet_passages(&channels, tree.rate)
-            })
-            .collect();
+        let passages: Vec<Vec<(f64, f64)>> =
+            (0..tree.sources.len()).map(|k| quiet_passages(&tree.channels_of(k), tree.rate)).collect();
         let is_quiet: Vec<bool> = io
             .score
             .sources
             .iter()
             .map(|source| {
                 let recording = tree.find(source.recording.as_deref().unwrap_or_default());
-                recording.is_some_and(|k| share_within(&source.segments, &passages[k]) > p.share)
+                recording.is_ok_and(|k| share_within(&source.segments, &passages[k]) > p.share)
             })
             .collect();
         let mut score = io.score.clone();

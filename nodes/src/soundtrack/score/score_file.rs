@@ -17,7 +17,7 @@ params! {
     /// Reads a score: the sounds of recordings that are wanted, or not, at times of the output.
     ///
     /// A sound has a name and one or more intervals of a recording. A target has a sound, an interval of the output, and a weight from -1 to 1,
-    /// constant or as a curve of times and weights: 1 includes the sound and -1 excludes it for certain, between them it is a probability.
+    /// constant or as a curve of times and weights: 1 is hard inclusion of the sound and -1 hard exclusion, between them it is a probability.
     ///
     /// # Source
     /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 4.1.

@@ -49,7 +49,7 @@ impl Node for ScoreOut {
         let score = cx.value(ScoreOutPorts::score);
         let text = write_score(
             &score,
-            &["Times are in s; a weight of 1 is certain, -1 excludes, 0 is no constraint."],
+            &["Times are in s; 1 is hard inclusion, -1 hard exclusion, 0 no constraint."],
         );
         Ok(Self { file: TextOutput::create(cx, "path", &p.path)?, text })
     }

@@ -8,6 +8,7 @@ use crate::artefact::text::{
 use crate::artefact::value_file::Artefact;
 use crate::core::node::Summary;
 use serde::{Deserialize, Deserializer};
+use std::collections::HashMap;
 
 /// Version of the format.
 const VERSION: u32 = 1;
@@ -39,7 +40,7 @@ struct SourceText {
     recording: Option<String>,
     segments: Vec<(Seconds, Seconds)>,
     #[serde(default)]
-    outside: Outside,
+    outside: Option<Outside>,
 }
 
 #[derive(Deserialize)]
@@ -67,13 +68,17 @@ impl<'de> Deserialize<'de> for Weight {
     }
 }
 
-fn source(location: Location, text: SourceText, earlier: &[ScoreSource]) -> Result<ScoreSource, TextError> {
+fn source(
+    location: Location,
+    text: SourceText,
+    earlier: &HashMap<String, usize>,
+) -> Result<ScoreSource, TextError> {
     let wrong = |message: String| Err(TextError::new(location, message));
     let name = text.name;
     if name.trim().is_empty() {
         return wrong("`name` is empty; targets name a sound by it".into());
     }
-    if earlier.iter().any(|s| s.name == name) {
+    if earlier.contains_key(&name) {
         return wrong(format!("there are two sounds {name:?}; give each a name of its own"));
     }
     if text.segments.is_empty() {
@@ -85,7 +90,13 @@ fn source(location: Location, text: SourceText, earlier: &[ScoreSource]) -> Resu
     if let Some((from, to)) = segments.iter().find(|(from, to)| to - from < SHORTEST) {
         return wrong(format!("{name:?} has the segment ({from}, {to}); its end must be after its start"));
     }
-    Ok(ScoreSource { name, recording: text.recording, segments, outside: text.outside, location })
+    Ok(ScoreSource {
+        name,
+        recording: text.recording,
+        segments,
+        outside: text.outside.unwrap_or(Outside::None),
+        location,
+    })
 }
 
 fn curve(text: &TargetText) -> Result<WeightCurve, String> {
@@ -127,7 +138,13 @@ fn curve(text: &TargetText) -> Result<WeightCurve, String> {
     }
 }
 
-fn target(location: Location, text: &TargetText, sources: &[ScoreSource]) -> Result<ScoreTarget, TextError> {
+/// `index` has the sounds by name, `sources` in order.
+fn target(
+    location: Location,
+    text: &TargetText,
+    index: &HashMap<String, usize>,
+    sources: &[ScoreSource],
+) -> Result<ScoreTarget, TextError> {
     let wrong = |message: String| TextError::new(location, message);
     let names = match (&text.source, &text.sources) {
         (Some(name), None) => std::slice::from_ref(name),
@@ -135,7 +152,7 @@ fn target(location: Location, text: &TargetText, sources: &[ScoreSource]) -> Res
         _ => return Err(wrong("give `source: \"NAME\"`, or `sources: [\"NAME\", \"NAME\"]`".into())),
     };
     let find = |name: &String| {
-        sources.iter().position(|s| s.name == *name).ok_or_else(|| {
+        index.get(name).copied().ok_or_else(|| {
             let known: Vec<&str> = sources.iter().map(|s| s.name.as_str()).take(MAX_ERRORS).collect();
             wrong(format!("there is no sound {name:?}; sounds are {}", known.join(", ")))
         })
@@ -170,9 +187,13 @@ pub fn read_score(text: &str) -> Result<SoundScore, TextError> {
     }
     let join = |errors| TextError::join(errors, MAX_ERRORS).unwrap_or_default();
     let (mut sources, mut errors) = (Vec::new(), Vec::new());
+    let mut index = HashMap::new();
     for (location, text) in records::<SourceText>(text, &file.sources).map_err(join)? {
-        match source(location, text, &sources) {
-            Ok(source) => sources.push(source),
+        match source(location, text, &index) {
+            Ok(source) => {
+                index.insert(source.name.clone(), sources.len());
+                sources.push(source);
+            }
             Err(e) => errors.push(e),
         }
     }
@@ -181,7 +202,7 @@ pub fn read_score(text: &str) -> Result<SoundScore, TextError> {
     }
     let mut targets = Vec::new();
     for (location, text) in records::<TargetText>(text, &file.targets).map_err(join)? {
-        match target(location, &text, &sources) {
+        match target(location, &text, &index, &sources) {
             Ok(target) => targets.push(target),
             Err(e) => errors.push(e),
         }

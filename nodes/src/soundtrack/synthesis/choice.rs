@@ -20,9 +20,8 @@ impl Best {
     }
 }
 
-/// True if wanted candidates match too badly beside others: less than the share `quality` of their match.
-pub fn is_discarded(wanted: &Best, others: &Best, quality: f64) -> bool {
-    let percent = (100.0 * quality).round() as usize;
+/// True if candidates match too badly beside others: less than a share of their match.
+pub fn is_discarded(wanted: &Best, others: &Best, percent: usize) -> bool {
     100 * wanted.quality() < percent * others.quality()
 }
 
@@ -83,9 +82,9 @@ mod tests {
     #[test]
     fn quality_at_the_limit_is_enough() {
         let best = |ancestors, predecessors| Best { ancestors, predecessors, nodes: vec![1] };
-        assert!(!is_discarded(&best(5, 2), &best(7, 3), 0.7));
-        assert!(is_discarded(&best(4, 2), &best(7, 3), 0.7));
-        assert!(!is_discarded(&best(0, 0), &best(0, 0), 0.7));
+        assert!(!is_discarded(&best(5, 2), &best(7, 3), 70));
+        assert!(is_discarded(&best(4, 2), &best(7, 3), 70));
+        assert!(!is_discarded(&best(0, 0), &best(0, 0), 70));
     }
 
     #[test]

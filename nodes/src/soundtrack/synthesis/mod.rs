@@ -6,9 +6,12 @@ mod output;
 pub mod position;
 pub mod rules;
 pub mod soundtrack_report;
+mod step;
 pub mod synthesizer;
+pub mod texture_stream;
 pub mod texture_synthesis;
 
 pub use position::{SourcePosition, SourcePositions};
 pub use rules::{PredecessorCount, SynthesisCounts, SynthesisRules, WeightBias};
-pub use synthesizer::{RootPicks, Synthesizer};
+pub use synthesizer::Synthesizer;
+pub use texture_stream::TextureStream;

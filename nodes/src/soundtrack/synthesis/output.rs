@@ -1,4 +1,4 @@
-//! The open part of the tree of an output: one root with all below, and what precedes it.
+//! The open part of the tree of an output: one root with all below, and its history.
 
 use crate::impl_state;
 
@@ -44,7 +44,7 @@ impl OutputTree {
         Self { history, channels, levels: (0..depth).map(level).collect() }
     }
 
-    /// Makes the end of the current root the past of the next.
+    /// Makes the end of the current root the history of the next.
     pub fn advance(&mut self) {
         let (history, channels) = (self.history, self.channels);
         for (l, level) in self.levels.iter_mut().enumerate() {
@@ -56,7 +56,21 @@ impl OutputTree {
         }
     }
 
-    /// The values of a node, whose index may be negative within the past.
+    /// Copies the current root of another output of the same model, and as much of its history as there is room for.
+    pub fn take_history(&mut self, other: &Self) {
+        let (channels, own) = (self.channels, self.history);
+        for (level, other_level) in self.levels.iter_mut().zip(&other.levels) {
+            let nodes = level.picks.len() - own;
+            let count = own.min(other.history) + nodes;
+            let (to, from) = (level.picks.len() - count, other_level.picks.len() - count);
+            level.picks[..to].fill(NONE);
+            level.picks[to..].copy_from_slice(&other_level.picks[from..]);
+            level.runs[to..].copy_from_slice(&other_level.runs[from..]);
+            level.values[to * channels..].copy_from_slice(&other_level.values[from * channels..]);
+        }
+    }
+
+    /// The values of a node, whose index is negative within the history.
     pub fn value(&self, level: usize, node: isize) -> &[f32] {
         let k = (node + self.history as isize) as usize * self.channels;
         &self.levels[level].values[k..k + self.channels]

@@ -3,41 +3,27 @@
 use crate::core::node::Summary;
 use crate::{choices, impl_state};
 
-/// How similar predecessors are counted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PredecessorCount {
-    /// Those in a row, from the nearest on.
-    Consecutive,
-    /// All of them.
-    Total,
+choices! {
+    /// How similar predecessors are counted.
+    pub enum PredecessorCount {
+        /// Those in a row, from the nearest on.
+        Consecutive,
+        /// All of them.
+        Total,
+    }
 }
 
-choices! { @param PredecessorCount {
-    /// Those in a row, from the nearest on.
-    Consecutive,
-    /// All of them.
-    Total,
-} }
-
-/// How a weight between -1 and 1 acts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WeightBias {
-    /// As a probability: with the share `p` of chance, `p + (1 - p) |w|`.
-    Probability,
-    /// A wanted node is chosen `1 + 9 w` times as often as another one, an unwanted node `1 - |w|` times.
-    Monotone,
-    /// As in the paper: the weight of a wanted node is `w`, that of others 0.1.
-    Paper,
+choices! {
+    /// How a weight between -1 and 1 acts.
+    pub enum WeightBias {
+        /// As a probability: with the share `p` of chance, `p + (1 - p) |w|`.
+        Probability,
+        /// A wanted node is chosen `1 + 9 w` times as often as another one, an unwanted node `1 - |w|` times.
+        Monotone,
+        /// As in the paper: the weight of a wanted node is `w`, that of others 0.1.
+        Paper,
+    }
 }
-
-choices! { @param WeightBias {
-    /// As a probability: with the share `p` of chance, `p + (1 - p) |w|`.
-    Probability,
-    /// A wanted node is chosen `1 + 9 w` times as often as another one, an unwanted node `1 - |w|` times.
-    Monotone,
-    /// As in the paper: the weight of a wanted node is `w`, that of others 0.1.
-    Paper,
-} }
 
 /// Rules of a synthesis.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,6 +67,14 @@ impl Default for SynthesisRules {
     }
 }
 
+impl SynthesisRules {
+    /// [`Self::quality`] in percent.
+    #[must_use]
+    pub fn percent(&self) -> usize {
+        (100.0 * self.quality).round() as usize
+    }
+}
+
 /// What happened in a synthesis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SynthesisCounts {
@@ -90,7 +84,7 @@ pub struct SynthesisCounts {
     pub candidates: u64,
     /// Nodes whose choice matches only some of their ancestors.
     pub partial: u64,
-    /// Nodes of certain constraints without a similar candidate: the most similar node was taken.
+    /// Nodes without a similar candidate: the most similar node was taken.
     pub approximate: u64,
     /// Nodes whose wanted candidates matched too badly.
     pub discarded: u64,

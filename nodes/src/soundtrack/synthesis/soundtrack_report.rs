@@ -70,36 +70,43 @@ fn runs(positions: &[SourcePosition]) -> Vec<usize> {
     all
 }
 
-/// True if a position is within a sound.
-fn is_of(position: &SourcePosition, source: &ScoreSource, tree: &WaveletTree) -> bool {
-    let t = f64::from(position.seconds);
-    tree.find(source.recording.as_deref().unwrap_or_default()) == Some(position.recording as usize)
-        && source.segments.iter().any(|(from, to)| t >= from - 1e-4 && t < *to)
+/// Share of positions that are within sounds; `None` without positions. Each sound comes with its recording.
+fn share(positions: &[SourcePosition], sounds: &[(usize, &ScoreSource)]) -> Option<f64> {
+    let is_in = |p: &&SourcePosition| {
+        let t = f64::from(p.seconds);
+        let within = |(from, to): &(f64, f64)| t >= from - 1e-4 && t < *to;
+        sounds.iter().any(|(k, s)| *k == p.recording as usize && s.segments.iter().any(within))
+    };
+    let count = positions.iter().filter(is_in).count();
+    (!positions.is_empty()).then(|| count as f64 / positions.len() as f64)
 }
 
 impl SoundtrackReport {
     fn fill(&self, table: &mut ResultTable, score: &SoundScore, tree: &WaveletTree) -> f64 {
         let (mut weighted, mut total) = (0.0, 0.0);
+        let recording = |s: &ScoreSource| tree.find(s.recording.as_deref().unwrap_or_default());
+        let all: Vec<(usize, &ScoreSource)> =
+            score.sources.iter().map(|s| (recording(s).unwrap_or(usize::MAX), s)).collect();
         for target in &score.targets {
             let points = &target.curve.points;
-            let (Some(first), Some(last)) = (points.first(), points.last()) else { continue };
+            let Some((first, last)) = target.curve.ends() else { continue };
             let at = |t: f64| ((t * self.rate).round().max(0.0) as usize).min(self.positions.len());
-            let own = &self.positions[at(first.0)..at(last.0).max(at(first.0))];
-            let sounds = || target.sources.iter().filter_map(|k| score.sources.get(*k));
-            let count = own.iter().filter(|p| sounds().any(|s| is_of(p, s, tree))).count();
-            let share = (!own.is_empty()).then(|| count as f64 / own.len() as f64);
+            let own = &self.positions[at(first)..at(last).max(at(first))];
+            let sounds: Vec<(usize, &ScoreSource)> =
+                target.sources.iter().filter_map(|k| all.get(*k).copied()).collect();
+            let share = share(own, &sounds);
             let area: f64 = points.windows(2).map(|p| 0.5 * (p[0].1 + p[1].1) * (p[1].0 - p[0].0)).sum();
-            let weight = area / (last.0 - first.0).max(1e-12);
+            let weight = area / (last - first).max(1e-12);
             table.push([
                 score.names(&target.sources).into(),
-                first.0.into(),
-                last.0.into(),
+                first.into(),
+                last.into(),
                 weight.into(),
                 share.into(),
             ]);
             if let Some(share) = share.filter(|_| weight > 0.0) {
-                weighted += share * (last.0 - first.0);
-                total += last.0 - first.0;
+                weighted += share * (last - first);
+                total += last - first;
             }
         }
         if total > 0.0 { weighted / total } else { 0.0 }
@@ -150,8 +157,13 @@ impl SoundtrackReport {
                 false
             }
         });
-        let line = vec![Line::new("share of the time", points)];
-        charts.push(Chart::of("stretches that are copied", ("length, s", true), ("share", false), line));
+        let line = vec![Line::new("share", points)];
+        charts.push(Chart::of(
+            "stretches that are copied",
+            ("length, s", true),
+            ("share of the time", false),
+            line,
+        ));
         charts
     }
 }

@@ -1,8 +1,8 @@
 //! The node `TextureSynthesis`.
 
-use super::position::{SourcePosition, SourcePositions};
+use super::position::SourcePositions;
 use super::rules::{PredecessorCount, SynthesisRules, WeightBias};
-use super::synthesizer::Synthesizer;
+use super::texture_stream::TextureStream;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -13,9 +13,8 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::{Rate, ticks};
 use crate::soundtrack::score::{Constraints, ScoreTarget, SoundScore, WeightStream};
-use crate::soundtrack::wavelet::{StreamingInverse, TextureModel};
+use crate::soundtrack::wavelet::TextureModel;
 use crate::{archive_state, params, ports};
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 params! {
@@ -115,63 +114,16 @@ impl TextureSynthesisParams {
     }
 }
 
-/// The node over [`Synthesizer`].
+/// The node over [`TextureStream`].
 pub struct TextureSynthesis {
-    model: Arc<TextureModel>,
-    synthesizer: Synthesizer,
-    inverses: Vec<StreamingInverse<f32>>,
-    /// Audio that is complete, by channel, and the index of its first frame.
-    audio: Vec<VecDeque<f32>>,
-    first: i64,
-    /// Positions of roots that are made, and the index of the first.
-    positions: VecDeque<SourcePosition>,
-    first_position: i64,
-    /// False before the first window.
-    has_begun: bool,
+    stream: TextureStream,
+    /// Channels of the model, and a window of its audio if the output has others.
+    channels: usize,
+    window: Vec<f32>,
     warnings: Summary,
 }
 
-impl TextureSynthesis {
-    /// Roots on each side of a sample that it depends on.
-    fn reach(&self) -> i64 {
-        self.model.tree.wavelet.reach() as i64
-    }
-
-    /// Begins so that all from frame `first` on is complete.
-    fn begin(&mut self, first: i64) {
-        let depth = self.model.tree.depth;
-        let root = (first >> depth) - self.reach() - 1;
-        self.synthesizer.go_to(root);
-        self.first = root << depth;
-        self.first_position = self.first / 2;
-        self.has_begun = true;
-    }
-
-    /// Makes one root and what it completes.
-    fn advance(&mut self, weights: Option<WeightStream<'_>>) {
-        self.synthesizer.advance(weights);
-        let tree = &self.model.tree;
-        let (channels, depth) = (tree.channels, tree.depth as usize);
-        let mut out = Vec::new();
-        for (c, (inverse, audio)) in self.inverses.iter_mut().zip(&mut self.audio).enumerate() {
-            let of_channel = |level: usize| -> Vec<f32> {
-                self.synthesizer.details(level).iter().skip(c).step_by(channels).copied().collect()
-            };
-            let levels: Vec<Vec<f32>> = (0..depth).map(of_channel).collect();
-            inverse.add(self.synthesizer.approximation()[c], |level| &levels[level], &mut out);
-            audio.extend(out.drain(..));
-        }
-        for leaf in self.synthesizer.picks().leaves {
-            let recording = tree.source_of(leaf >> (depth - 1));
-            let first = tree.sources.get(recording).map_or(0, |s| s.first);
-            let frame = 2 * (leaf - (first << (depth - 1)));
-            let seconds = (f64::from(frame) / tree.rate) as f32;
-            self.positions.push_back(SourcePosition { recording: recording as u32, frame, seconds });
-        }
-    }
-}
-
-/// A certain target that is so many times as long as its sounds repeats them audibly.
+/// A hard inclusion that is so many times as long as its sounds repeats them audibly.
 const MAX_RATIO: f64 = 4.0;
 
 /// Warnings about targets that are long for their sounds.
@@ -180,12 +132,12 @@ fn long_targets(score: &SoundScore) -> Summary {
     let of_target = |target: &ScoreTarget| {
         let sounds = target.sources.iter().filter_map(|k| score.sources.get(*k));
         let source: f64 = sounds.map(|s| length(&s.segments)).sum();
-        let certain = length(&target.curve.plateaus(1.0));
-        let is_long = certain > MAX_RATIO * source;
+        let hard = length(&target.curve.plateaus(1.0));
+        let is_long = hard > MAX_RATIO * source;
         is_long.then(|| {
             let names = score.names(&target.sources);
             let text = format!(
-                "{names} is certain for {certain:.2} s, and lasts {source:.2} s in the recording: it will repeat audibly"
+                "{names} has the weight 1 for {hard:.2} s, and lasts {source:.2} s in the recording: it will repeat audibly"
             );
             ("warning", text.into())
         })
@@ -266,82 +218,43 @@ impl Node for TextureSynthesis {
                 return Err(Fault::new("F155", message).at("reaction").help(help));
             }
         }
-        let synthesizer =
-            Synthesizer::new(Arc::clone(&model), Arc::new(constraints), p.rules(), cx.random, 0, p.duration);
-        let inverse = StreamingInverse::new(tree.wavelet, tree.depth);
-        Ok(Self {
-            synthesizer,
-            inverses: vec![inverse; tree.channels],
-            audio: vec![VecDeque::new(); tree.channels],
-            first: 0,
-            positions: VecDeque::new(),
-            first_position: 0,
-            has_begun: false,
-            warnings,
-            model,
-        })
+        let channels = tree.channels;
+        let stream =
+            TextureStream::new(Arc::clone(&model), Arc::new(constraints), p.rules(), cx.random, p.duration);
+        Ok(Self { stream, channels, window: Vec::new(), warnings })
     }
 
     fn run(&mut self, mut io: TextureSynthesisIo<'_>) -> Result<(), Fault> {
-        let (first, width) = (io.audio.first(), io.audio.width());
-        let frames = io.audio.len();
-        let (first_position, positions) = (io.positions.first(), io.positions.len());
-        if !self.has_begun {
-            self.begin(first);
-        }
-        let stream = io.weights.as_ref().map(|weights| WeightStream {
+        let (first, width, channels) = (io.audio.first(), io.audio.width(), self.channels);
+        let weights = io.weights.as_ref().map(|weights| WeightStream {
             rate: weights.rate().as_f64(),
             first: weights.first() - weights.behind() as i64,
             width: weights.width(),
             items: weights.around(),
         });
-        let is_missing = |own: &Self| {
-            let audio = own.audio.first().map_or(0, VecDeque::len) as i64;
-            own.first + audio < first + frames as i64
-                || own.first_position + (own.positions.len() as i64) < first_position + positions as i64
-        };
-        while is_missing(self) {
-            self.advance(stream);
+        let positions = io.positions.items();
+        if width == channels {
+            self.stream.fill(first, weights, io.audio.items(), positions);
+            return Ok(());
         }
-        // What precedes the window was played, or completed the beginning.
-        let played = (first - self.first).max(0);
-        self.audio.iter_mut().for_each(|x| drop(x.drain(..(played as usize).min(x.len()))));
-        self.first += played;
-        let played = (first_position - self.first_position).max(0);
-        self.positions.drain(..(played as usize).min(self.positions.len()));
-        self.first_position += played;
-        let channels = self.audio.len();
-        for (k, frame) in io.audio.items().chunks_exact_mut(width).enumerate() {
-            let at = |c: usize| self.audio.get(c).and_then(|x| x.get(k)).copied().unwrap_or(0.0);
-            if width == channels || channels == 1 {
-                frame.iter_mut().enumerate().for_each(|(c, x)| *x = at(c.min(channels - 1)));
-            } else {
-                frame.fill((0..channels).map(at).sum::<f32>() / channels as f32);
-            }
-        }
-        for (out, position) in io.positions.items().iter_mut().zip(&self.positions) {
-            *out = *position;
+        self.window.resize(io.audio.len() * channels, 0.0);
+        self.stream.fill(first, weights, &mut self.window, positions);
+        for (out, frame) in io.audio.items().chunks_exact_mut(width).zip(self.window.chunks_exact(channels)) {
+            // Either side has one channel.
+            out.fill(frame.iter().sum::<f32>() / channels as f32);
         }
         Ok(())
     }
 
     fn finish(&mut self, _: TextureSynthesisIo<'_>) -> Result<Summary, Fault> {
-        Ok([self.synthesizer.counts.figures(), std::mem::take(&mut self.warnings)].concat())
+        Ok([self.stream.counts().figures(), std::mem::take(&mut self.warnings)].concat())
     }
 
     fn adopt(&mut self, old: &mut Self) {
-        if self.model.tree.sources != old.model.tree.sources || self.model.tree.depth != old.model.tree.depth
-        {
-            return;
-        }
-        self.synthesizer.take_past(&old.synthesizer);
-        self.inverses.clone_from(&old.inverses);
-        self.audio.clone_from(&old.audio);
-        self.positions.clone_from(&old.positions);
-        (self.first, self.first_position, self.has_begun) = (old.first, old.first_position, old.has_begun);
+        self.stream.follow(&old.stream);
     }
 
-    archive_state!(synthesizer, each inverses, audio, first, positions, first_position, has_begun);
+    archive_state!(stream);
 
     fn trial(rng: &mut Rng) -> (TextureSynthesisParams, MemoryFiles) {
         // Models of trials have blocks of 8 ms: all of `reaction` is needed.

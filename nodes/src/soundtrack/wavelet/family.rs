@@ -4,89 +4,50 @@ use crate::choices;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// An orthogonal wavelet with compact support.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Wavelet {
-    /// One vanishing moment: exact in time, coarse in frequency.
-    Haar,
-    /// Daubechies, 2 vanishing moments.
-    Db2,
-    /// Daubechies, 3 vanishing moments.
-    Db3,
-    /// Daubechies, 4 vanishing moments.
-    Db4,
-    /// Daubechies, 5 vanishing moments.
-    Db5,
-    /// Daubechies, 6 vanishing moments.
-    Db6,
-    /// Daubechies, 7 vanishing moments.
-    Db7,
-    /// Daubechies, 8 vanishing moments.
-    Db8,
-    /// Daubechies, 9 vanishing moments.
-    Db9,
-    /// Daubechies, 10 vanishing moments.
-    Db10,
-    /// Least asymmetric Daubechies, 2 vanishing moments.
-    Sym2,
-    /// Least asymmetric Daubechies, 3 vanishing moments.
-    Sym3,
-    /// Least asymmetric Daubechies, 4 vanishing moments.
-    Sym4,
-    /// Least asymmetric Daubechies, 5 vanishing moments.
-    Sym5,
-    /// Least asymmetric Daubechies, 6 vanishing moments.
-    Sym6,
-    /// Least asymmetric Daubechies, 7 vanishing moments.
-    Sym7,
-    /// Least asymmetric Daubechies, 8 vanishing moments.
-    Sym8,
-    /// Least asymmetric Daubechies, 9 vanishing moments.
-    Sym9,
-    /// Least asymmetric Daubechies, 10 vanishing moments.
-    Sym10,
+choices! {
+    /// An orthogonal wavelet with compact support.
+    #[derive(Serialize, Deserialize)]
+    pub enum Wavelet {
+        /// One vanishing moment: exact in time, coarse in frequency.
+        Haar,
+        /// Daubechies, 2 vanishing moments.
+        Db2,
+        /// Daubechies, 3 vanishing moments.
+        Db3,
+        /// Daubechies, 4 vanishing moments.
+        Db4,
+        /// Daubechies, 5 vanishing moments.
+        Db5,
+        /// Daubechies, 6 vanishing moments.
+        Db6,
+        /// Daubechies, 7 vanishing moments.
+        Db7,
+        /// Daubechies, 8 vanishing moments.
+        Db8,
+        /// Daubechies, 9 vanishing moments.
+        Db9,
+        /// Daubechies, 10 vanishing moments.
+        Db10,
+        /// Least asymmetric Daubechies, 2 vanishing moments.
+        Sym2,
+        /// Least asymmetric Daubechies, 3 vanishing moments.
+        Sym3,
+        /// Least asymmetric Daubechies, 4 vanishing moments.
+        Sym4,
+        /// Least asymmetric Daubechies, 5 vanishing moments.
+        Sym5,
+        /// Least asymmetric Daubechies, 6 vanishing moments.
+        Sym6,
+        /// Least asymmetric Daubechies, 7 vanishing moments.
+        Sym7,
+        /// Least asymmetric Daubechies, 8 vanishing moments.
+        Sym8,
+        /// Least asymmetric Daubechies, 9 vanishing moments.
+        Sym9,
+        /// Least asymmetric Daubechies, 10 vanishing moments.
+        Sym10,
+    }
 }
-
-choices! { @param Wavelet {
-    /// One vanishing moment: exact in time, coarse in frequency.
-    Haar,
-    /// Daubechies, 2 vanishing moments.
-    Db2,
-    /// Daubechies, 3 vanishing moments.
-    Db3,
-    /// Daubechies, 4 vanishing moments.
-    Db4,
-    /// Daubechies, 5 vanishing moments.
-    Db5,
-    /// Daubechies, 6 vanishing moments.
-    Db6,
-    /// Daubechies, 7 vanishing moments.
-    Db7,
-    /// Daubechies, 8 vanishing moments.
-    Db8,
-    /// Daubechies, 9 vanishing moments.
-    Db9,
-    /// Daubechies, 10 vanishing moments.
-    Db10,
-    /// Least asymmetric Daubechies, 2 vanishing moments.
-    Sym2,
-    /// Least asymmetric Daubechies, 3 vanishing moments.
-    Sym3,
-    /// Least asymmetric Daubechies, 4 vanishing moments.
-    Sym4,
-    /// Least asymmetric Daubechies, 5 vanishing moments.
-    Sym5,
-    /// Least asymmetric Daubechies, 6 vanishing moments.
-    Sym6,
-    /// Least asymmetric Daubechies, 7 vanishing moments.
-    Sym7,
-    /// Least asymmetric Daubechies, 8 vanishing moments.
-    Sym8,
-    /// Least asymmetric Daubechies, 9 vanishing moments.
-    Sym9,
-    /// Least asymmetric Daubechies, 10 vanishing moments.
-    Sym10,
-} }
 
 impl Wavelet {
     /// Returns the low-pass filter of the synthesis, whose coefficients add up to the square root of 2.

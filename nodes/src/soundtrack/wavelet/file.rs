@@ -1,7 +1,7 @@
 //! The file of a texture model.
 
 use super::model::TextureModel;
-use crate::artefact::sealed::{seal, unseal};
+use crate::artefact::sealed::{seal_value, unseal_value};
 use crate::artefact::value_file::Artefact;
 use crate::core::node::Summary;
 
@@ -16,8 +16,7 @@ impl TextureModel {
     /// # Errors
     /// When it cannot be encoded.
     pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
-        let body = postcard::to_allocvec(self).map_err(|e| e.to_string())?;
-        Ok(seal(MAGIC, VERSION, &body))
+        seal_value(MAGIC, VERSION, self)
     }
 
     /// The model in such a file.
@@ -26,8 +25,7 @@ impl TextureModel {
     /// Other files, other versions, damage.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         let other = |found| format!("the texture model has version {found}; this reads version {VERSION}");
-        let body = unseal((MAGIC, VERSION), "texture models", bytes, other)?;
-        postcard::from_bytes(body).map_err(|e| format!("the model is damaged: {e}"))
+        unseal_value((MAGIC, VERSION), "texture models", bytes, other)
     }
 
     /// Figures for the summary of a run.

@@ -7,21 +7,16 @@ use crate::core::random::Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// The coefficients that thresholds are taken from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum ThresholdScale {
-    /// Those of all levels: one threshold.
-    Global,
-    /// Those of each level: a threshold for each.
-    PerLevel,
+choices! {
+    /// The coefficients that thresholds are taken from.
+    #[derive(Serialize, Deserialize)]
+    pub enum ThresholdScale {
+        /// Those of all levels: one threshold.
+        Global,
+        /// Those of each level: a threshold for each.
+        PerLevel,
+    }
 }
-
-choices! { @param ThresholdScale {
-    /// Those of all levels: one threshold.
-    Global,
-    /// Those of each level: a threshold for each.
-    PerLevel,
-} }
 
 /// How thresholds are found.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,6 @@
 //! Sounds that progress from their beginning to their end.
 
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex;
+use crate::friction::builder::psd::{AnalysisWindow, Periodogram, centroid};
 
 /// Length of a frame, s.
 const FRAME: f64 = 0.25;
@@ -17,20 +16,18 @@ pub fn progression(x: &[f32], rate: f64) -> Option<String> {
     if len < 4 || x.len() / len < MIN_FRAMES {
         return None;
     }
-    let plan = FftPlanner::new().plan_fft_forward(len);
+    let mut periodogram = Periodogram::new(len, rate, AnalysisWindow::Hann);
+    let mut density = vec![0.0; periodogram.bins()];
+    let df = rate / periodogram.frame_len() as f64;
     let (mut levels, mut centroids) = (Vec::new(), Vec::new());
     for frame in x.chunks_exact(len) {
         let power = frame.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / len as f64;
         levels.push(10.0 * (power + 1e-12).log10());
-        let mut spectrum: Vec<Complex<f32>> = frame.iter().map(|x| Complex::new(*x, 0.0)).collect();
-        plan.process(&mut spectrum);
-        let (mut sum, mut total) = (0.0, 0.0);
-        for (k, c) in spectrum.iter().enumerate().take(len / 2).skip(1) {
-            let p = f64::from(c.norm_sqr());
-            sum += p * k as f64 * rate / len as f64;
-            total += p;
-        }
-        centroids.push(if total > 0.0 { sum / total } else { 0.0 });
+        density.fill(0.0);
+        periodogram.accumulate(frame, &mut density);
+        // A constant offset has no pitch.
+        density[0] = 0.0;
+        centroids.push(centroid(&density, df));
     }
     let of = |values: &[f64], name: &str, unit: &str| {
         let (slope, explained) = line(values);

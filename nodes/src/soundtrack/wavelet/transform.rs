@@ -209,9 +209,23 @@ impl<T: FftNum> StreamingInverse<T> {
     #[must_use]
     pub fn new(wavelet: Wavelet, depth: u32) -> Self {
         let bank = FilterBank::<T>::new(wavelet);
-        let empty = vec![T::zero(); bank.behind];
-        let levels = vec![[empty.clone(), empty]; depth as usize];
+        // The samples of a root, and those that wait for the roots after it.
+        let room = |level: u32| bank.behind + bank.ahead + ((wavelet.reach() + 2) << level);
+        let empty = |level: u32| {
+            let mut values = Vec::with_capacity(room(level));
+            values.resize(bank.behind, T::zero());
+            values
+        };
+        let levels = (0..depth).map(|level| [empty(level), empty(level)]).collect();
         Self { bank, levels }
+    }
+
+    /// Takes over the state of another one for the same wavelet and depth. Allocates nothing.
+    pub fn follow(&mut self, other: &Self) {
+        for (own, other) in self.levels.iter_mut().flatten().zip(other.levels.iter().flatten()) {
+            own.clear();
+            own.extend_from_slice(other);
+        }
     }
 
     /// Adds a root: its approximation, and its nodes of each level, from `detail(level)`. Appends all samples that are complete.

@@ -9,25 +9,18 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// How a recording becomes a whole number of spans of the coarsest level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum TreeFit {
-    /// Its end is faded into its beginning: its last node precedes its first.
-    Circular,
-    /// It is continued by its mirror image, which is never chosen.
-    PadReflect,
-    /// Its end is cut off.
-    Trim,
+choices! {
+    /// How a recording becomes a whole number of spans of the coarsest level.
+    #[derive(Serialize, Deserialize)]
+    pub enum TreeFit {
+        /// Its end is faded into its beginning: its last node precedes its first.
+        Circular,
+        /// It is continued by its mirror image, which is never chosen.
+        PadReflect,
+        /// Its end is cut off.
+        Trim,
+    }
 }
-
-choices! { @param TreeFit {
-    /// Its end is faded into its beginning: its last node precedes its first.
-    Circular,
-    /// It is continued by its mirror image, which is never chosen.
-    PadReflect,
-    /// Its end is cut off.
-    Trim,
-} }
 
 /// The least number of samples of a recording.
 pub const MIN_SAMPLES: usize = 16;
@@ -64,6 +57,14 @@ pub enum TreeError {
     /// Nothing to analyse.
     #[error("there is no recording")]
     Empty,
+    /// A recording that the tree does not have.
+    #[error("there is no recording {name:?}; recordings are {recordings}")]
+    Unknown {
+        /// Its name.
+        name: String,
+        /// The recordings of the tree.
+        recordings: String,
+    },
     /// A field of a file that does not fit the others.
     #[error("the field `{0}` does not fit the others")]
     Field(&'static str),
@@ -245,11 +246,24 @@ impl WaveletTree {
     }
 
     /// The recording with a name, or whose path ends in it; the first for an empty name.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn find(&self, name: &str) -> Result<usize, TreeError> {
+        let is_named = |s: &TreeSource| {
+            let before = s.name.strip_suffix(name);
+            name.is_empty() || before.is_some_and(|before| before.is_empty() || before.ends_with('/'))
+        };
+        self.sources.iter().position(is_named).ok_or_else(|| {
+            let names: Vec<&str> = self.sources.iter().map(|s| s.name.as_str()).collect();
+            TreeError::Unknown { name: name.to_owned(), recordings: names.join(", ") }
+        })
+    }
+
+    /// The audio of all channels of a recording.
     #[must_use]
-    pub fn find(&self, name: &str) -> Option<usize> {
-        let is_named =
-            |s: &TreeSource| name.is_empty() || s.name == name || s.name.ends_with(&format!("/{name}"));
-        self.sources.iter().position(is_named)
+    pub fn channels_of(&self, source: usize) -> Vec<Vec<f32>> {
+        (0..self.channels).map(|c| self.audio(source, c)).collect()
     }
 
     /// The recording of a root.

@@ -101,7 +101,7 @@ impl Bvh {
     ///     0 1 3 90",
     /// )?;
     /// let pose = bvh.pose(1, 0, 1.0, UpAxis::Y);
-    /// assert_eq!(pose.map(|pose| pose.position), Some([3.0, 0.1, 1.5]));
+    /// assert_eq!(pose.map(|pose| pose.position), Some([0.1, -3.0, 1.5]));
     /// # Ok::<(), foley_nodes::spatial::motion::bvh::BvhError>(())
     /// ```
     pub fn read(bytes: &[u8]) -> Result<Self, BvhError> {
@@ -177,8 +177,8 @@ impl Bvh {
     /// A point of a joint has the coordinates `offset + positions + R point` in its parent, where `R` is the product of the rotations in
     /// the order of the channels. `scale` is the length of a unit of the file in m.
     ///
-    /// With `up` Y, `(x, y, z)` of the file becomes `(z, x, y)` in the scene, and the front of a joint is its z axis, its left the x axis
-    /// and its top the y axis. With `up` Z coordinates do not change, and the front of a joint is its x axis.
+    /// With `up` Y, `(x, y, z)` of the file becomes `(x, -z, y)` in the scene, as [`UpAxis::convert`] has it, and the front of a joint is its z
+    /// axis, its left the x axis and its top the y axis. With `up` Z coordinates do not change, and the front of a joint is its x axis.
     ///
     /// # Complexity
     /// Linear in the number of joints above the joint.
@@ -207,7 +207,7 @@ impl Bvh {
             next = joint.parent.and_then(|parent| self.joints.get(parent));
         }
         let to_scene = |[x, y, z]: [f64; 3]| match up {
-            UpAxis::Y => [z, x, y],
+            UpAxis::Y => [x, -z, y],
             UpAxis::Z => [x, y, z],
         };
         let [front, top] = axes.map(to_scene);

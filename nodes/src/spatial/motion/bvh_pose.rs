@@ -3,6 +3,7 @@
 use super::bvh::Bvh;
 use super::item::Poses;
 use super::pose::Pose;
+use super::pose_track::PoseTrack;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node};
@@ -10,7 +11,7 @@ use crate::core::params::{AssetPath, Text};
 use crate::core::ports::Stream;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::core::time::{Rate, Tick};
+use crate::core::time::Rate;
 use crate::mesh::UpAxis;
 use crate::{params, ports};
 use std::sync::Arc;
@@ -19,9 +20,8 @@ params! {
     /// Reads the poses of a joint of a moving skeleton from a motion capture file in the format BVH.
     ///
     /// Positions and orientations follow by forward kinematics, with the rotations in the order of the channels, in degrees. The position
-    /// channels of a joint add to its offset. With `up: Y`, (x, y, z) of the file becomes (z, x, y) in the scene: a joint whose z axis is in
-    /// front and whose y axis is above has the pose of a body. A mesh of the same character that `MeshSequence` reads with `up: Y`, as
-    /// (x, -z, y), lies 90 degrees clockwise of it, seen from above.
+    /// channels of a joint add to its offset. With `up: Y`, (x, y, z) of the file becomes (x, -z, y) in the scene, as for the meshes of a
+    /// `MeshSequence`, and the z axis of a joint is its front, its y axis its top.
     ///
     /// Between frames positions are interpolated linearly and orientations by slerp. The stream ends at the last frame.
     ///
@@ -56,10 +56,10 @@ const MAX_LISTED: usize = 40;
 /// Largest coordinate of a pose, in m.
 const MAX_COORDINATE: f32 = 1e6;
 
-/// The poses of one joint, one a frame.
+/// The poses of one joint, and the frame rate of the file.
 #[derive(Debug)]
 struct JointMotion {
-    poses: Vec<Pose>,
+    poses: PoseTrack,
     rate: Rate,
 }
 
@@ -90,31 +90,8 @@ impl JointMotion {
                 wrong(message).at("scale").help("give the length of a unit of the file in m")
             })
         };
-        let poses = (0..bvh.frames()).map(pose).collect::<Result<_, _>>()?;
-        Ok(Self { poses, rate })
-    }
-
-    /// The time of the last frame.
-    fn end(&self) -> Tick {
-        self.rate.tick(self.poses.len() as i64 - 1)
-    }
-
-    /// The pose at a time, linear in position and uniform in rotation between frames.
-    fn at(&self, tick: Tick) -> Pose {
-        let index = self.rate.first_at(tick + 1) - 1;
-        let last = self.poses.len().saturating_sub(1);
-        let frame = |k: i64| {
-            let k = usize::try_from(k).unwrap_or(0).min(last);
-            self.poses.get(k).copied().unwrap_or_default()
-        };
-        let (a, b) = (frame(index), frame(index + 1));
-        let (from, to) = (self.rate.tick(index), self.rate.tick(index + 1));
-        let t = (tick - from) as f64 / (to - from).max(1) as f64;
-        let coordinate = |k: usize| f64::from(a.position[k]) + t * f64::from(b.position[k] - a.position[k]);
-        Pose {
-            position: std::array::from_fn(|k| coordinate(k) as f32),
-            rotation: Pose::interpolate([a, a, b, b], t).rotation,
-        }
+        let poses = (0..bvh.frames()).map(pose).collect::<Result<Vec<Pose>, _>>()?;
+        Ok(Self { poses: PoseTrack::at_rate(poses, rate), rate })
     }
 }
 
@@ -133,7 +110,7 @@ impl Node for BvhPose {
     fn shape(p: &BvhPoseParams, s: &mut Shape<'_, '_, BvhPosePorts>) -> Result<(), Reject> {
         let motion = JointMotion::read(p, &s.bytes("path", &p.path.0)?)?;
         let rate = p.rate.unwrap_or(motion.rate);
-        s.ends(Some(rate.tick(rate.first_at(motion.end() + 1))));
+        s.ends(Some(rate.tick(motion.poses.frames(rate))));
         s.output(BvhPosePorts::pose, rate, ());
         s.prepare(motion);
         Ok(())
@@ -150,7 +127,7 @@ impl Node for BvhPose {
     fn run(&mut self, mut io: BvhPoseIo<'_>) -> Result<(), Fault> {
         let (first, rate) = (io.pose.first(), io.pose.rate());
         for (k, out) in (first..).zip(io.pose.items()) {
-            *out = self.motion.at(rate.tick(k));
+            *out = self.motion.poses.at(rate.tick(k));
         }
         Ok(())
     }
@@ -206,14 +183,14 @@ mod tests {
     #[test]
     fn the_default_is_one_pose_of_the_root_for_each_frame() {
         let found: Vec<[f32; 3]> = poses(|p| p).iter().map(|pose| pose.position).collect();
-        assert_eq!(found, [[0.0, 0.0, 1.0], [0.5, 0.0, 1.0], [0.5, 0.2, 1.0]]);
+        assert_eq!(found, [[0.0, 0.0, 1.0], [0.0, -0.5, 1.0], [0.2, -0.5, 1.0]]);
     }
 
     #[test]
     fn poses_between_frames_are_linear_and_the_stream_ends_at_the_last_frame() {
         let found = poses(|p| BvhPoseParams { rate: Some(Rate::hz(20)), joint: "head".into(), ..p });
         assert_eq!(found.len(), 5);
-        let want = [[0.0, 0.0], [0.25, 0.0], [0.5, 0.0], [0.5, 0.1], [0.5, 0.2]];
+        let want = [[0.0, 0.0], [0.0, -0.25], [0.0, -0.5], [0.1, -0.5], [0.2, -0.5]];
         for (pose, [x, y]) in found.iter().zip(want) {
             let [a, b, c] = pose.position;
             assert!((a - x).abs() < 1e-6 && (b - y).abs() < 1e-6 && (c - 1.6).abs() < 1e-6, "{pose:?}");
@@ -221,7 +198,7 @@ mod tests {
         // Half of a turn by 90 degrees to the left.
         let front = found[3].to_scene([1.0, 0.0, 0.0]);
         let half = 45_f64.to_radians();
-        assert!((front[0] - 0.5 - half.cos()).abs() < 1e-6 && (front[1] - 0.1 - half.sin()).abs() < 1e-6);
+        assert!((front[0] - 0.1 - half.sin()).abs() < 1e-6 && (front[1] + 0.5 + half.cos()).abs() < 1e-6);
         assert_eq!(poses(|p| BvhPoseParams { rate: Some(Rate::hz(4)), ..p }).len(), 1);
     }
 

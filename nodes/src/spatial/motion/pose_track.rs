@@ -1,6 +1,7 @@
 //! The trajectory of a body, read from CSV.
 
 use super::pose::Pose;
+use crate::core::files::excerpt;
 use crate::core::time::{Rate, Tick, ticks};
 use thiserror::Error;
 
@@ -30,6 +31,12 @@ pub struct PoseTrack {
 }
 
 impl PoseTrack {
+    /// Makes a trajectory of poses at a rate, from 0 on.
+    #[must_use]
+    pub fn at_rate(poses: impl IntoIterator<Item = Pose>, rate: Rate) -> Self {
+        Self { poses: (0..).zip(poses).map(|(k, pose)| (rate.tick(k), pose)).collect() }
+    }
+
     /// Returns the time of the last pose.
     #[must_use]
     pub fn end(&self) -> Tick {
@@ -60,11 +67,6 @@ impl PoseTrack {
     pub fn frames(&self, rate: Rate) -> i64 {
         rate.first_at(self.end() + 1)
     }
-}
-
-/// Returns the first 40 characters of a text.
-fn excerpt(text: &str) -> String {
-    text.chars().take(40).collect()
 }
 
 /// Column indices of a file.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::soundtrack::score::read_score;
+use crate::soundtrack::score::{WeightStream, read_score};
 use crate::soundtrack::wavelet::{TreeFit, TreeRecording, TreeRules};
 
 /// Four seconds at 1000 Hz as eight roots of 512 samples.
@@ -25,10 +25,10 @@ fn sets_have_the_nodes_of_all_segments_and_their_ancestors() {
         compiled(&format!("{A}, {B}"), "(source: \"a\", from: 0, to: 1), (source: \"b\", from: 1, to: 2)")
             .unwrap();
     let [a, b] = &c.sets[..] else { panic!("{:?}", c.sets) };
-    assert_eq!(a.included[0], NodeSet(vec![(1, 2), (3, 5)]));
+    assert_eq!(a.included[0], NodeSet::new(vec![(1, 2), (3, 5)]));
     // Leaves have two samples.
-    assert_eq!(a.included[8], NodeSet(vec![(256, 500), (1000, 1050)]));
-    assert_eq!(b.included[8], NodeSet(vec![(2048, 2098)]));
+    assert_eq!(a.included[8], NodeSet::new(vec![(256, 500), (1000, 1050)]));
+    assert_eq!(b.included[8], NodeSet::new(vec![(2048, 2098)]));
     for set in [a, b] {
         for level in 1..9 {
             assert!(set.included[level].iter().all(|m| set.included[level - 1].contains(m / 2)), "{level}");
@@ -39,7 +39,7 @@ fn sets_have_the_nodes_of_all_segments_and_their_ancestors() {
 }
 
 #[test]
-fn the_greatest_weight_counts_and_certainty_needs_the_whole_span() {
+fn the_greatest_weight_counts_and_hard_ones_need_the_whole_span() {
     let targets = "(source: \"a\", curve: [(1, 0), (2, 1), (3, 1), (4, 0)]), (source: \"b\", from: 2, to: 5, weight: -0.6),
         (source: \"b\", from: 6, to: 7, weight: -1)";
     let c = compiled(&format!("{A}, {B}"), targets).unwrap();
@@ -133,7 +133,7 @@ fn contradictions_and_the_impossible_have_a_location() {
             &format!("{A}, {B}"),
             "(source: \"a\", from: 0, to: 1),\n(source: \"b\", from: 0.5, to: 2)",
             "3:1",
-            "b is certain from 0.5 s to 1 s, where a is certain too (2:1)",
+            "b has the weight 1 from 0.5 s to 1 s, where a has it too (2:1)",
         ),
         (
             c,
@@ -148,4 +148,34 @@ fn contradictions_and_the_impossible_have_a_location() {
     // One after the other is no contradiction.
     let after = "(source: \"a\", from: 0, to: 1), (source: \"b\", from: 1, to: 2), (source: \"a\", from: 1, to: 2, weight: -1)";
     assert!(compiled(&format!("{A}, {B}"), after).is_ok());
+}
+
+#[test]
+fn what_is_excluded_outside_of_its_targets_can_leave_nothing() {
+    let error = |text: &str| {
+        let score = read_score(&format!("SoundScore(sources: [\n{text})")).unwrap();
+        Constraints::new(&score, &tree()).unwrap_err()
+    };
+    // Both recordings are a sound each, and both are excluded but for a second.
+    let all = "(name: \"a\", segments: [(0, 4.096)], outside: Exclude),
+        (name: \"b\", segments: [(0, 4.096)], recording: \"b.wav\", outside: Exclude)],
+        targets: [(source: \"a\", from: 0, to: 1, weight: 0.5)]";
+    let e = error(all).to_string();
+    assert!(e.starts_with("3:9: impossible from 1 s on: a and b are excluded"), "{e}");
+    // A sound that is excluded where a part of it is a hard inclusion under another name.
+    let part = "(name: \"a\", segments: [(1, 2)], outside: Exclude),
+        (name: \"b\", segments: [(1.2, 1.8)])],
+        targets: [(source: \"b\", from: 3, to: 4)]";
+    let e = error(part).to_string();
+    assert!(e.contains("impossible from 3 s to 4 s: b has the weight 1, and is excluded by a"), "{e}");
+}
+
+#[test]
+fn many_sounds_and_targets_are_found_in_time() {
+    let sources: Vec<String> =
+        (0..3000).map(|k| format!("(name: \"s{k}\", segments: [({0}, {0}.05)])", k % 4)).collect();
+    let targets: Vec<String> =
+        (0..3000).map(|k| format!("(source: \"s{}\", from: {k}, to: {})", 2999 - k, k + 1)).collect();
+    let c = compiled(&sources.join(","), &targets.join(",")).unwrap();
+    assert_eq!((c.sets.len(), c.at(7.2, 7.3, None).map(|c| c.set)), (3000, Some(2992)));
 }

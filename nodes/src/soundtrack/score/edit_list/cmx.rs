@@ -3,8 +3,9 @@
 //! # Source
 //! SMPTE ST 258:2004, "Transfer of Edit Decision Lists"; SMPTE ST 12-1, drop-frame timecode.
 
-use super::{Edit, EditList, excerpt};
+use super::{Edit, EditList};
 use crate::artefact::text::{Location, TextError};
+use crate::core::files::excerpt;
 use std::collections::BTreeSet;
 
 /// Frames per second that have a variant at 1000/1001 of their value.

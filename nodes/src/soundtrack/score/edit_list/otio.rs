@@ -3,8 +3,9 @@
 //! # Source
 //! OpenTimelineIO, "Serialized Data Documentation" and "Timeline Structure" (Academy Software Foundation).
 
-use super::{Edit, EditList, excerpt};
+use super::{Edit, EditList};
 use crate::artefact::text::{Location, TextError};
+use crate::core::files::excerpt;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 

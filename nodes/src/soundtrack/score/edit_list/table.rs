@@ -1,8 +1,8 @@
 //! Edit lists as tables.
 
-use super::{Edit, EditList, LATEST, excerpt};
+use super::{Edit, EditList, LATEST};
 use crate::artefact::text::{Location, TextError};
-use crate::core::files::strip_bom;
+use crate::core::files::{excerpt, strip_bom};
 use crate::io::csv_error;
 
 /// The columns; the first four are required.

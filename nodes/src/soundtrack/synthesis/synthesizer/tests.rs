@@ -1,3 +1,6 @@
+use super::super::choice::is_discarded;
+use super::super::rules::PredecessorCount;
+use super::super::step::APPROXIMATE_ANCESTORS;
 use super::*;
 use crate::core::random::Rng;
 use crate::soundtrack::score::read_score;
@@ -206,7 +209,7 @@ fn naive_choice(
     if main.is_hard && own.is_some() {
         let own = best(&|c| allowed(c) && now(c));
         // The first that matches well enough: without those that are too long, or with them.
-        let is_enough = |w: &Best| own.as_ref().is_some_and(|own| !is_discarded(w, own, rules.quality));
+        let is_enough = |w: &Best| own.as_ref().is_some_and(|own| !is_discarded(w, own, rules.percent()));
         let prepared = |c: u32| allowed(c) && now(c) && then(c) && later.is_some();
         let prepared = any(&|c| prepared(c) && !too_long(c))
             .filter(is_enough)
@@ -217,8 +220,8 @@ fn naive_choice(
         let of = |limited: bool| {
             let kind = |kind: bool| any(&|c| allowed(c) && is_wanted(c) == kind && !(limited && too_long(c)));
             match (kind(true), kind(false)) {
-                (Some(w), Some(v)) if !is_root && is_discarded(&w, &v, rules.quality) => (None, Some(v)),
-                (Some(w), Some(v)) if !is_root && is_discarded(&v, &w, rules.quality) => (Some(w), None),
+                (Some(w), Some(v)) if !is_root && is_discarded(&w, &v, rules.percent()) => (None, Some(v)),
+                (Some(w), Some(v)) if !is_root && is_discarded(&v, &w, rules.percent()) => (Some(w), None),
                 both => both,
             }
         };
@@ -324,7 +327,7 @@ fn values_are_those_of_the_model_and_siblings_stay_together() {
     let mut s = Synthesizer::new(Arc::clone(&model), Arc::default(), free(), random, -3, None);
     for root in -3..5 {
         s.advance(None);
-        assert_eq!((s.picks().root, s.next_root()), (root, root + 1));
+        assert_eq!((s.next, s.leaves().len()), (root + 1, 64));
         for level in 0..7 {
             let picks = &s.tree.levels[level].picks[s.tree.history..];
             for (node, pick) in picks.iter().enumerate() {
@@ -343,7 +346,7 @@ fn seeds_differ_and_one_seed_does_not() {
 }
 
 #[test]
-fn certain_constraints_hold_whatever_the_score() {
+fn hard_constraints_hold_whatever_the_score() {
     let mut rng = Rng::new(8);
     for seed in 0..20 {
         let model = model_of(
@@ -429,5 +432,30 @@ fn silence_and_one_value_are_synthesised_too() {
         let model = model_of(vec![vec![samples]], TreeFit::Circular, 0.13, 0.25);
         let (_, counts) = synthesised(&model, &Arc::default(), &SynthesisRules::default(), 10, 1);
         assert!(counts.steps == 640 && counts.candidates < 2000, "{counts:?}");
+    }
+}
+
+#[test]
+fn a_texture_follows_another_one_with_more_or_less_history() {
+    let model = model_of(vec![texture(4000, 2, 3)], TreeFit::Circular, 0.13, 0.25);
+    let with = |predecessors: usize| {
+        let rules = SynthesisRules { predecessors, root_predecessors: 3, ..free() };
+        Synthesizer::new(Arc::clone(&model), Arc::default(), rules, Random::new(1, "texture"), 0, None)
+    };
+    let mut old = with(5);
+    (0..9).for_each(|_| old.advance(None));
+    // With the same rules the same follows.
+    let mut same = with(5);
+    same.follow(&old);
+    let mut on = old.clone();
+    on.advance(None);
+    same.advance(None);
+    assert_eq!((same.leaves(), same.next), (on.leaves(), on.next));
+    for predecessors in [1, 64] {
+        let mut other = with(predecessors);
+        other.follow(&old);
+        assert_eq!(other.leaves(), old.leaves());
+        (0..9).for_each(|_| other.advance(None));
+        assert_eq!(other.next, 18);
     }
 }

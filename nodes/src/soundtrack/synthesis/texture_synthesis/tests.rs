@@ -1,10 +1,10 @@
 use super::*;
 use crate::core::feed::Feed;
 use crate::core::item::AnyValue;
-use crate::core::random::Random;
 use crate::core::standalone::Standalone;
 use crate::soundtrack::score::read_score;
-use crate::soundtrack::wavelet::{ThresholdRules, TreeRecording, TreeRules, WaveletTree, inverse};
+use crate::soundtrack::synthesis::Synthesizer;
+use crate::soundtrack::wavelet::{ThresholdRules, TreeRecording, TreeRules, Wavelet, WaveletTree, inverse};
 
 const RATE: Rate = Rate::hz(8000);
 
@@ -67,7 +67,7 @@ fn windows_of_any_length_give_the_same_samples() {
 fn the_stream_equals_the_inverse_of_the_whole_tree() {
     let whole = audio(&standalone(params(), 1));
     let model = Arc::new(model(1));
-    let random = Random::new(standalone(params(), 1).seed, "solo");
+    let random = standalone(params(), 1).random();
     let reach = model.tree.wavelet.reach() as i64 + 1;
     let mut s =
         Synthesizer::new(Arc::clone(&model), Arc::default(), params().rules(), random, -reach, Some(2.0));
@@ -167,7 +167,7 @@ fn a_sound_that_is_short_for_its_target_is_a_warning() {
     };
     assert_eq!(warnings("(source: \"low\", from: 0, to: 3)"), "");
     let long = warnings("(source: \"low\", from: 0, to: 3.5)");
-    assert!(long.contains("low is certain for 3.50 s, and lasts 0.80 s"), "{long}");
+    assert!(long.contains("low has the weight 1 for 3.50 s, and lasts 0.80 s"), "{long}");
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn what_does_not_fit_is_named() {
         params(),
         "(source: \"low\", from: 0, to: 1),\n(source: \"high\", from: 0.5, to: 1)",
     ));
-    assert!(e.code == "F156" && e.message.starts_with("2:1: high is certain from 0.5 s to 1 s"), "{e}");
+    assert!(e.code == "F156" && e.message.starts_with("2:1: high has the weight 1 from 0.5 s to 1 s"), "{e}");
     let weights = |channels: u16| {
         let items = vec![0.0; 10 * usize::from(channels)];
         Feed::stream::<f32>(Rate::hz(100), Channels(channels), items)
@@ -191,4 +191,29 @@ fn what_does_not_fit_is_named() {
     assert!(e.message.contains("act by 0.276 s early"), "{e}");
     let e = error(standalone(params(), 1).feed(TextureSynthesisPorts::weights.index(), weights(2)));
     assert!(e.message.contains("no score"), "{e}");
+}
+
+#[test]
+fn a_stream_of_another_model_begins_anew() {
+    let stream = |channels: usize, wavelet: Wavelet| {
+        let tree = WaveletTree { wavelet, ..model(channels).tree };
+        let model = Arc::new(TextureModel::new(tree, &ThresholdRules::default()));
+        TextureStream::new(model, Arc::default(), params().rules(), standalone(params(), 1).random(), None)
+    };
+    let play = |stream: &mut TextureStream, channels: usize| {
+        let mut audio = vec![0.0; 100 * channels];
+        stream.fill(1000, None, &mut audio, &mut []);
+        audio
+    };
+    let mut old = stream(2, Wavelet::Db5);
+    let mut first = vec![0.0; 2000];
+    old.fill(0, None, &mut first, &mut []);
+    let goes_on = play(&mut old.clone(), 2);
+    for (channels, wavelet, is_same) in
+        [(2, Wavelet::Db5, true), (1, Wavelet::Db5, false), (2, Wavelet::Db2, false)]
+    {
+        let mut new = stream(channels, wavelet);
+        new.follow(&old);
+        assert_eq!(play(&mut new, channels) == goes_on, is_same, "{channels} {wavelet:?}");
+    }
 }

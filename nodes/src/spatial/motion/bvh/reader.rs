@@ -1,7 +1,7 @@
 //! The text of BVH files.
 
 use super::{Bvh, BvhChannel, BvhError, BvhJoint};
-use crate::core::files::strip_bom;
+use crate::core::files::{excerpt, strip_bom};
 
 /// Maximum number of joints, with the ends of bones.
 const MAX_JOINTS: usize = 4096;
@@ -18,11 +18,11 @@ const FRAME_TIMES: [f64; 2] = [1e-5, 100.0];
 /// The content of a joint, for messages.
 const CONTENT: &str = "OFFSET, CHANNELS, JOINT, End Site or `}`";
 
-/// The first 40 characters of a word, for messages.
-fn excerpt(text: &str) -> String {
+/// A word, or the end of the file, for messages.
+fn shown(text: &str) -> String {
     match text {
         "" => "the end of the file".into(),
-        _ => format!("{:?}", text.chars().take(40).collect::<String>()),
+        _ => format!("{:?}", excerpt(text)),
     }
 }
 
@@ -68,7 +68,7 @@ impl<'a> Words<'a> {
         if found.eq_ignore_ascii_case(wanted) {
             return Ok(());
         }
-        Err(self.error(format!("found {}; `{wanted}` is needed", excerpt(found))))
+        Err(self.error(format!("found {}; `{wanted}` is needed", shown(found))))
     }
 
     /// The name of a joint and its opening brace.
@@ -85,7 +85,7 @@ impl<'a> Words<'a> {
     fn number(&mut self, what: &str) -> Result<f64, BvhError> {
         let word = self.word();
         number(word).ok_or_else(|| {
-            self.error(format!("{what} is {}; a number from -1e9 to 1e9 is needed", excerpt(word)))
+            self.error(format!("{what} is {}; a number from -1e9 to 1e9 is needed", shown(word)))
         })
     }
 
@@ -95,12 +95,12 @@ impl<'a> Words<'a> {
         let found = self.until(|c| c == ':' || c == '\n');
         let is_same = found.split_whitespace().collect::<Vec<_>>().join(" ").eq_ignore_ascii_case(label);
         let Some(rest) = self.rest.strip_prefix(':').filter(|_| is_same) else {
-            return Err(self.error(format!("found {}; `{label}:` and a number are needed", excerpt(found))));
+            return Err(self.error(format!("found {}; `{label}:` and a number are needed", shown(found))));
         };
         self.rest = rest;
         let word = self.word();
         number(word).filter(|x| (low..=high).contains(x)).ok_or_else(|| {
-            let message = format!("`{label}` is {}; a number from {low} to {high} is needed", excerpt(word));
+            let message = format!("`{label}` is {}; a number from {low} to {high} is needed", shown(word));
             self.error(message)
         })
     }
@@ -164,7 +164,7 @@ impl Skeleton {
                 open.has_channels = true;
             }
             _ if open.is_end && word != "}" => {
-                let message = format!("found {} in an End Site; OFFSET or `}}` is needed", excerpt(word));
+                let message = format!("found {} in an End Site; OFFSET or `}}` is needed", shown(word));
                 return Err(words.error(message));
             }
             "joint" => {
@@ -193,7 +193,7 @@ impl Skeleton {
                 return Err(words.error(format!("`{}` has a second {word}; one is needed", joint.name)));
             }
             _ => {
-                let message = format!("found {} in `{}`; {CONTENT} is needed", excerpt(word), joint.name);
+                let message = format!("found {} in `{}`; {CONTENT} is needed", shown(word), joint.name);
                 return Err(words.error(message));
             }
         }
@@ -204,7 +204,7 @@ impl Skeleton {
 fn channels(words: &mut Words<'_>, joint: &str) -> Result<Vec<BvhChannel>, BvhError> {
     let word = words.word();
     let count = word.parse::<usize>().ok().filter(|n| *n <= MAX_CHANNELS).ok_or_else(|| {
-        let found = excerpt(word);
+        let found = shown(word);
         words.error(format!(
             "`{joint}` has {found} CHANNELS; a whole number from 0 to {MAX_CHANNELS} is needed"
         ))
@@ -214,7 +214,7 @@ fn channels(words: &mut Words<'_>, joint: &str) -> Result<Vec<BvhChannel>, BvhEr
         let known = BvhChannel::ALL.iter().find(|(name, _)| name.eq_ignore_ascii_case(word));
         known.map(|(_, channel)| *channel).ok_or_else(|| {
             let names = BvhChannel::ALL.map(|(name, _)| name).join(", ");
-            let found = excerpt(word);
+            let found = shown(word);
             words.error(format!("channel {} of {count} of `{joint}` is {found}; channels are {names}", k + 1))
         })
     };
@@ -249,7 +249,7 @@ fn rows(words: &Words<'_>, skeleton: &Skeleton, frames: usize) -> Result<Vec<f32
             if found < width {
                 let value = number(word).ok_or_else(|| {
                     let column = column_name(&skeleton.joints, found);
-                    wrong(format!("{column} is {}; a number from -1e9 to 1e9 is needed", excerpt(word)))
+                    wrong(format!("{column} is {}; a number from -1e9 to 1e9 is needed", shown(word)))
                 })?;
                 values.push(value as f32);
             }
@@ -284,7 +284,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Bvh, BvhError> {
         word if word.eq_ignore_ascii_case("ROOT") => {
             return Err(words.error("a second ROOT; a file with one skeleton is needed".into()));
         }
-        word => return Err(words.error(format!("found {}; `MOTION` is needed", excerpt(word)))),
+        word => return Err(words.error(format!("found {}; `MOTION` is needed", shown(word)))),
     }
     if skeleton.width == 0 {
         return Err(words.error("no joint has a channel; at least one is needed".into()));

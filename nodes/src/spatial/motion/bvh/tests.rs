@@ -44,7 +44,10 @@ fn offsets_add_up_without_rotation() {
     assert_eq!(position(&bvh, "Hips", 0, UpAxis::Z), [1.0, 2.0, 3.0]);
     assert_eq!(position(&bvh, "Left Arm", 0, UpAxis::Z), [1.0, 12.0, 3.0]);
     assert_eq!(position(&bvh, "Left Arm/end", 0, UpAxis::Z), [6.0, 12.0, 3.0]);
-    assert_eq!(bvh.pose(2, 0, 0.5, UpAxis::Y), Some(Pose::at([1.5, 3.0, 6.0])));
+    assert_eq!(
+        bvh.pose(2, 0, 0.5, UpAxis::Y),
+        Pose::looking([3.0, -1.5, 6.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0])
+    );
     assert_eq!((bvh.pose(3, 0, 1.0, UpAxis::Y), bvh.pose(0, 2, 1.0, UpAxis::Y)), (None, None));
 }
 
@@ -58,9 +61,9 @@ fn rotations_apply_in_the_order_of_the_channels() {
     let arm = bvh.joint("Left Arm").unwrap();
     let [x, y, z] = axes(bvh.pose(arm, 1, 1.0, UpAxis::Z).unwrap());
     assert_eq!((x, y, z), ([-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]));
-    // In a scene with Z up, the z axis of the joint is its front: y, which becomes z; x, its left, becomes -y; y, its top, becomes x.
+    // In a scene with Z up, the z axis of the joint is its front: y, which becomes z; its left, -x, stays -x; its top, z, becomes -y.
     let [front, left, top] = axes(bvh.pose(arm, 1, 1.0, UpAxis::Y).unwrap());
-    assert_eq!((front, left, top), ([0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]));
+    assert_eq!((front, left, top), ([0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]));
     assert_eq!((bvh.channel(0, 1, 1), bvh.channel(arm, 1, 1)), (Some(20.0), Some(90.0)));
     assert_eq!((bvh.channel(arm, 3, 1), bvh.channel(2, 0, 1), bvh.channel(0, 0, 2)), (None, None, None));
 }

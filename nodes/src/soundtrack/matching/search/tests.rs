@@ -1,3 +1,6 @@
+use super::super::dtw::distance;
+use super::super::overlap::most_similar;
+use super::super::query::Normalisation;
 use super::*;
 use crate::core::computation::unmonitored;
 use crate::core::random::Rng;
@@ -69,7 +72,7 @@ fn bounds_leave_nothing_out() {
         let slow = naive(&curve, interval, rules);
         assert!(slow.len() > 3, "seed {seed}: {}", slow.len());
         let best = best_matches(&curve, &curve, interval, rules, &unmonitored).unwrap();
-        assert_eq!(best, without_overlap(fast.clone(), false), "seed {seed}");
+        assert_eq!(best, most_similar(fast.clone()), "seed {seed}");
         // At the threshold rounding decides.
         let sure = |all: &[MotionMatch]| {
             all.iter().filter(|m| m.similarity > 0.3505).map(|m| (m.from, m.to)).collect::<Vec<_>>()
@@ -99,24 +102,12 @@ fn planted_repetitions_are_found_and_nothing_else() {
     }
     let curve = curve(values, 1);
     let found = find_matches(&curve, &curve, planted[0], QueryRules::default(), &unmonitored).unwrap();
-    let found = without_overlap(found, false);
+    let found = most_similar(found);
     assert_eq!(found.len(), planted.len(), "{found:?}");
     for (m, (from, to)) in found.iter().zip(&planted) {
         assert!((m.from - from).abs() < 0.15 && (m.to - to).abs() < 0.15, "{m:?} {from} {to}");
     }
     assert!((found[0].similarity - 1.0).abs() < 1e-6);
-}
-
-#[test]
-fn overlaps_are_left_out() {
-    let m = |from: f64, to: f64, similarity: f64| MotionMatch { from, to, similarity };
-    let all = vec![m(0.0, 1.0, 0.8), m(0.9, 2.0, 0.9), m(2.0, 3.0, 0.8), m(5.0, 6.0, 0.7), m(5.0, 5.5, 0.7)];
-    let greedy = without_overlap(all.clone(), false);
-    assert_eq!(greedy, [all[1], all[2], all[4]]);
-    assert_eq!(without_overlap(all.clone(), true)[..2], [all[1], all[2]]);
-    let tight = vec![m(0.0, 1.0, 0.8), m(0.9, 2.0, 0.9), m(1.9, 3.0, 0.8)];
-    assert_eq!(without_overlap(tight.clone(), false), [tight[1]]);
-    assert_eq!(without_overlap(tight.clone(), true), [tight[0], tight[2]]);
 }
 
 #[test]

@@ -1,0 +1,290 @@
+//! The match of one node.
+
+use super::choice::{Best, is_discarded};
+use super::classes::{Classes, are_similar, path, source_value};
+use super::output::{NONE, OutputTree};
+use super::rules::{PredecessorCount, SynthesisRules};
+use crate::soundtrack::score::{Constraints, NodeSet};
+use crate::soundtrack::wavelet::TextureModel;
+
+/// Ancestors that count for the most similar node.
+pub const APPROXIMATE_ANCESTORS: usize = 6;
+
+/// The best candidates of two kinds, without those that match much worse than the other kind.
+#[derive(Default)]
+pub struct Pair {
+    pub wanted: Option<Best>,
+    pub others: Option<Best>,
+    /// True if wanted candidates may exist and match too badly.
+    pub is_discarded: bool,
+}
+
+/// The node of a model that is `distance` before another one in its recording.
+pub fn predecessor(model: &TextureModel, level: usize, node: u32, distance: u32) -> Option<u32> {
+    let source = model.tree.sources.get(model.tree.source_of(node >> level))?;
+    let (first, nodes) = (source.first << level, source.roots << level);
+    match (node - first).checked_sub(distance) {
+        Some(own) => Some(first + own),
+        None if source.wraps && distance <= nodes => Some(node + nodes - distance),
+        None => None,
+    }
+}
+
+/// One node of the output that is to be matched.
+pub struct Step<'a> {
+    pub model: &'a TextureModel,
+    pub constraints: &'a Constraints,
+    pub rules: &'a SynthesisRules,
+    pub tree: &'a OutputTree,
+    pub level: usize,
+    pub node: usize,
+    /// True for a root itself, and not its children.
+    pub is_root: bool,
+    /// Sets that must not occur.
+    pub forbidden: &'a [usize],
+    /// True if some nodes of the model are never chosen.
+    pub has_masks: bool,
+    /// Longest stretch of a recording, samples.
+    pub longest: Option<f64>,
+}
+
+impl Step<'_> {
+    /// The greatest number of ancestors that can match.
+    pub fn depth(&self) -> usize {
+        if self.is_root { 1 } else { self.level + 1 }
+    }
+
+    /// The node that is `distance` after another one in its recording.
+    pub fn successor(&self, node: u32, distance: u32) -> Option<u32> {
+        let source = self.model.tree.sources.get(self.model.tree.source_of(node >> self.level))?;
+        node.checked_add(distance).filter(|m| *m < (source.first + source.roots) << self.level)
+    }
+
+    fn is_allowed(&self, candidate: u32) -> bool {
+        let level = self.level;
+        let is_masked = self.has_masks && self.model.tree.is_masked(level, candidate);
+        let excluded = |set: &usize| self.constraints.sets[*set].excluded[level].contains(candidate);
+        !is_masked && !self.model.is_redundant(level, candidate) && !self.forbidden.iter().any(excluded)
+    }
+
+    /// True if a candidate would go on with a stretch of its recording beyond the longest.
+    fn is_too_long(&self, candidate: u32) -> bool {
+        let Some(longest) = self.longest else { return false };
+        let (level, node, count) =
+            if self.is_root { (0, 0, 1) } else { (self.level + 1, 2 * self.node as isize, 2) };
+        let before = self.tree.pick(level, node - 1);
+        let first = candidate * count;
+        if before == NONE || predecessor(self.model, level, first, 1) != Some(before) {
+            return false;
+        }
+        let nodes = self.tree.run(level, node - 1) + count;
+        f64::from(nodes) * self.model.tree.span(level) as f64 > longest
+    }
+
+    /// The predecessors of a candidate that match.
+    fn predecessors(&self, candidate: u32) -> usize {
+        let k = self.predecessor_limit();
+        let threshold = self.model.thresholds[self.level];
+        let is_similar = |j: &usize| {
+            let node = self.node as isize - *j as isize;
+            if self.tree.pick(self.level, node) == NONE {
+                return false;
+            }
+            predecessor(self.model, self.level, candidate, *j as u32).is_some_and(|m| {
+                let (a, b) = (source_value(self.model, self.level, m), self.tree.value(self.level, node));
+                are_similar(a, b, threshold)
+            })
+        };
+        match self.rules.count {
+            PredecessorCount::Consecutive => (1..=k).take_while(is_similar).count(),
+            PredecessorCount::Total => (1..=k).filter(is_similar).count(),
+        }
+    }
+
+    /// The best of the candidates that a condition admits, without those that go on for too long if there are others. `few` has all nodes that
+    /// the condition admits, if they are few.
+    pub fn best(
+        &self,
+        classes: &mut Classes,
+        few: Option<&NodeSet>,
+        beside: usize,
+        is_admitted: impl Fn(u32) -> bool,
+    ) -> Option<Best> {
+        let admits = |m: u32| is_admitted(m) && self.is_allowed(m);
+        let is_enough = |best: &Best| 100 * best.quality() >= self.rules.percent() * beside;
+        let limited = self.best_of(classes, few, beside, |m| admits(m) && !self.is_too_long(m));
+        limited.filter(is_enough).or_else(|| {
+            self.rules.max_run?;
+            self.best_of(classes, few, beside, admits).filter(is_enough)
+        })
+    }
+
+    fn best_of(
+        &self,
+        classes: &mut Classes,
+        few: Option<&NodeSet>,
+        beside: usize,
+        is_admitted: impl Fn(u32) -> bool,
+    ) -> Option<Best> {
+        if self.is_root {
+            let roots = (0..self.model.tree.roots() as u32).filter(|m| is_admitted(*m)).collect();
+            return self.with_predecessors(1, roots);
+        }
+        if let Some(set) = few {
+            let mut found: (usize, Vec<u32>) = (1, Vec::new());
+            for m in set.iter().filter(|m| is_admitted(*m)) {
+                let depth = path(self.model, self.tree, self.level, self.node, m);
+                if depth > found.0 {
+                    found = (depth, vec![m]);
+                } else if depth == found.0 {
+                    found.1.push(m);
+                }
+            }
+            return self.with_predecessors(found.0, found.1);
+        }
+        for a in (1..=self.level + 1).rev() {
+            if 100 * (a + self.predecessor_limit()) < self.rules.percent() * beside {
+                break;
+            }
+            let list = classes.get(self.model, self.tree, self.level, self.node, a);
+            let nodes: Vec<u32> = list.iter().copied().filter(|m| is_admitted(*m)).collect();
+            if !nodes.is_empty() {
+                return self.with_predecessors(a, nodes);
+            }
+        }
+        None
+    }
+
+    /// The best of the candidates that are wanted, and of all others, without those that go on for too long if there are others.
+    pub fn pair(&self, classes: &mut Classes, is_wanted: impl Fn(u32) -> bool) -> Pair {
+        let pair = self.pair_of(classes, &is_wanted, |m| self.is_allowed(m) && !self.is_too_long(m));
+        if pair.wanted.is_some() || pair.others.is_some() || self.rules.max_run.is_none() {
+            return pair;
+        }
+        self.pair_of(classes, &is_wanted, |m| self.is_allowed(m))
+    }
+
+    /// The search ends at the depth from which on the kind that is not found yet would match too badly.
+    fn pair_of(
+        &self,
+        classes: &mut Classes,
+        is_wanted: impl Fn(u32) -> bool,
+        is_admitted: impl Fn(u32) -> bool,
+    ) -> Pair {
+        let mut pair = Pair::default();
+        let split = |list: &mut dyn Iterator<Item = u32>, pair: &Pair| {
+            let mut nodes = [Vec::new(), Vec::new()];
+            for m in list {
+                let kind = usize::from(!is_wanted(m));
+                let is_open = if kind == 0 { pair.wanted.is_none() } else { pair.others.is_none() };
+                if is_open && is_admitted(m) {
+                    nodes[kind].push(m);
+                }
+            }
+            nodes
+        };
+        if self.is_root {
+            // A root has no ancestors that could match better or worse.
+            let [wanted, others] = split(&mut (0..self.model.tree.roots() as u32), &pair);
+            pair.wanted = self.with_predecessors(1, wanted);
+            pair.others = self.with_predecessors(1, others);
+            return pair;
+        }
+        let percent = self.rules.percent();
+        for a in (1..=self.level + 1).rev() {
+            let found = pair.wanted.as_ref().or(pair.others.as_ref()).map_or(0, Best::quality);
+            if 100 * (a + self.predecessor_limit()) < percent * found {
+                break;
+            }
+            let list = classes.get(self.model, self.tree, self.level, self.node, a);
+            let [wanted, others] = split(&mut list.iter().copied(), &pair);
+            pair.wanted = pair.wanted.or_else(|| self.with_predecessors(a, wanted));
+            pair.others = pair.others.or_else(|| self.with_predecessors(a, others));
+            if pair.wanted.is_some() && pair.others.is_some() {
+                break;
+            }
+        }
+        if let (Some(wanted), Some(others)) = (&pair.wanted, &pair.others) {
+            if is_discarded(wanted, others, percent) {
+                pair.wanted = None;
+            } else if is_discarded(others, wanted, percent) {
+                pair.others = None;
+            }
+        }
+        pair.is_discarded = pair.wanted.is_none() && pair.others.is_some();
+        pair
+    }
+
+    /// The greatest number of predecessors that can match.
+    fn predecessor_limit(&self) -> usize {
+        if self.level == 0 { self.rules.root_predecessors } else { self.rules.predecessors }
+    }
+
+    /// Of candidates, those with the most predecessors that match.
+    fn with_predecessors(&self, ancestors: usize, nodes: Vec<u32>) -> Option<Best> {
+        let mut best = Best { ancestors, predecessors: 0, nodes: Vec::new() };
+        for m in nodes {
+            let predecessors = self.predecessors(m);
+            if predecessors > best.predecessors {
+                best.predecessors = predecessors;
+                best.nodes.clear();
+            }
+            if predecessors == best.predecessors {
+                best.nodes.push(m);
+            }
+        }
+        best.nodes.sort_unstable();
+        (!best.nodes.is_empty()).then_some(best)
+    }
+
+    /// The node whose ancestors and predecessors differ least, of a set or of all; the first of equals. What must not occur is chosen only if
+    /// nothing else is left at a coarse level.
+    pub fn most_similar(&self, set: Option<&NodeSet>) -> Option<u32> {
+        let all = || 0..self.model.tree.nodes(self.level) as u32;
+        let closest = |nodes: &mut dyn Iterator<Item = u32>| {
+            let mut best: Option<(f64, u32)> = None;
+            for m in nodes {
+                let difference = self.difference(m);
+                if best.is_none_or(|(least, _)| difference < least) {
+                    best = Some((difference, m));
+                }
+            }
+            best.map(|(_, m)| m)
+        };
+        let of = |is_admitted: &dyn Fn(u32) -> bool| match set {
+            Some(set) => closest(&mut set.iter().filter(|m| is_admitted(*m))),
+            None => closest(&mut all().filter(|m| is_admitted(*m))),
+        };
+        of(&|m| self.is_allowed(m) && !self.is_too_long(m))
+            .or_else(|| of(&|m| self.is_allowed(m)))
+            .or_else(|| of(&|_| true))
+    }
+
+    fn difference(&self, candidate: u32) -> f64 {
+        let between = |level: usize, m: u32, node: isize| -> f64 {
+            let pairs = source_value(self.model, level, m).iter().zip(self.tree.value(level, node));
+            f64::from(pairs.fold(0.0_f32, |max, (a, b)| max.max((a - b).abs())))
+        };
+        let level = self.level;
+        let mut sum = 0.0;
+        if !self.is_root {
+            for up in 0..APPROXIMATE_ANCESTORS.min(level + 1) {
+                sum += between(level - up, candidate >> up, (self.node >> up) as isize);
+            }
+        }
+        for j in 1..=self.rules.predecessors {
+            let node = self.node as isize - j as isize;
+            if self.tree.pick(level, node) == NONE {
+                break;
+            }
+            // What precedes a recording is silence.
+            sum += match predecessor(self.model, level, candidate, j as u32) {
+                Some(m) => between(level, m, node),
+                None => {
+                    self.tree.value(level, node).iter().fold(0.0_f64, |max, x| max.max(f64::from(x.abs())))
+                }
+            };
+        }
+        sum
+    }
+}
