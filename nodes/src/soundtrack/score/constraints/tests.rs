@@ -138,7 +138,7 @@ fn contradictions_and_the_impossible_have_a_location() {
         (
             c,
             "(source: \"c\", from: 0, to: 2, weight: -1),\n(source: \"d\", from: 1, to: 3, weight: -1)",
-            "2:1",
+            "3:1",
             "impossible from 1 s to 2 s: c and d",
         ),
     ] {
@@ -161,7 +161,7 @@ fn what_is_excluded_outside_of_its_targets_can_leave_nothing() {
         (name: \"b\", segments: [(0, 4.096)], recording: \"b.wav\", outside: Exclude)],
         targets: [(source: \"a\", from: 0, to: 1, weight: 0.5)]";
     let e = error(all).to_string();
-    assert!(e.starts_with("3:9: impossible from 1 s on: a and b are excluded"), "{e}");
+    assert!(e.starts_with("2:1: impossible from 1 s on: a and b are excluded"), "{e}");
     // A sound that is excluded where a part of it is a hard inclusion under another name.
     let part = "(name: \"a\", segments: [(1, 2)], outside: Exclude),
         (name: \"b\", segments: [(1.2, 1.8)])],
