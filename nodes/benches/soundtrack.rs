@@ -55,7 +55,9 @@ fn synthesise(model: &Arc<TextureModel>, score: &str, seconds: f64) -> (Vec<f32>
     let tree = &model.tree;
     let constraints = match score {
         "" => Constraints::default(),
-        text => Constraints::new(&read_score(text).expect("a score"), tree).expect("a score that fits"),
+        text => {
+            Constraints::new(&read_score(text).expect("a score"), tree, false).expect("a score that fits")
+        }
     };
     let (rules, random) = (SynthesisRules::default(), Random::new(1, "texture"));
     let mut stream =

@@ -35,6 +35,8 @@ pub struct Conflicts<'a> {
     pub sets: &'a [SourceSet],
     /// The tree of the recordings.
     pub tree: &'a WaveletTree,
+    /// True if several sounds may have the weight 1 at a time.
+    pub morphs: bool,
 }
 
 impl Conflicts<'_> {
@@ -42,13 +44,15 @@ impl Conflicts<'_> {
         self.sets.get(set).map(|s| self.score.names(&s.sources)).unwrap_or_default()
     }
 
-    /// Checks that at no time two sounds are hard inclusions, and that at each time hard inclusion and exclusions leave something.
+    /// Checks that at no time two sounds are hard inclusions, unless they morph, and that at each time hard inclusion and exclusions leave something.
     ///
     /// # Errors
     /// The first conflict, at the later of its targets.
     pub fn check(&self, all: &[Directive]) -> Result<(), TextError> {
         let (inclusions, exclusions) = (hard(all, 1.0), hard(all, -1.0));
-        self.check_inclusions(&inclusions)?;
+        if !self.morphs {
+            self.check_inclusions(&inclusions)?;
+        }
         let mut times: Vec<f64> = inclusions.iter().chain(&exclusions).flat_map(|c| [c.from, c.to]).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
@@ -67,15 +71,18 @@ impl Conflicts<'_> {
             let mut out: Vec<usize> = excluded.iter().map(|c| c.set).collect();
             out.sort_unstable();
             out.dedup();
-            let included = included.first();
-            if out.is_empty() || !found.insert((included.map(|c| c.set), out.clone())) {
-                continue;
-            }
-            if let Some(what) = self.impossible(included.map(|c| c.set), &out) {
-                let location = included.or(excluded.last()).map(|c| c.location).unwrap_or_default();
-                let until = if pair[1] < NEVER { format!("to {} s", pair[1]) } else { "on".to_owned() };
-                let message = format!("impossible from {} s {until}: {what}", pair[0]);
-                return Err(TextError::new(location, message));
+            let wanted = included.iter().map(Some).chain(included.is_empty().then_some(None));
+            for one in wanted {
+                let set = one.map(|c| c.set);
+                if out.is_empty() || !found.insert((set, out.clone())) {
+                    continue;
+                }
+                if let Some(what) = self.impossible(set, &out) {
+                    let location = one.or(excluded.last()).map(|c| c.location).unwrap_or_default();
+                    let until = if pair[1] < NEVER { format!("to {} s", pair[1]) } else { "on".to_owned() };
+                    let message = format!("impossible from {} s {until}: {what}", pair[0]);
+                    return Err(TextError::new(location, message));
+                }
             }
         }
         Ok(())

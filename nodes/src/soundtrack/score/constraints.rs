@@ -75,11 +75,55 @@ pub struct Constraint {
     pub weight: f64,
     /// True if the weight is 1 over the whole span.
     pub is_hard: bool,
+    /// The layer of a morph, 0 or 1: targets of different sets that overlap have different layers, as far as two are enough.
+    pub layer: usize,
+}
+
+/// The constraints of an interval that count.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Overlap {
+    /// The greatest inclusions of two sets, in order; the first of equals.
+    inclusions: [Option<Constraint>; 2],
+    /// The greatest exclusion.
+    exclusion: Option<Constraint>,
+}
+
+impl Overlap {
+    /// Adds one; a weight of 0 is none.
+    pub fn add(&mut self, other: Constraint) {
+        let is_greater =
+            |best: Option<Constraint>| best.is_none_or(|best| other.weight.abs() > best.weight.abs());
+        let is_same = |best: Option<Constraint>| best.is_some_and(|best| best.set == other.set);
+        let [first, second] = self.inclusions;
+        if other.weight < 0.0 && is_greater(self.exclusion) {
+            self.exclusion = Some(other);
+        } else if other.weight > 0.0 && is_greater(first) {
+            self.inclusions = [Some(other), if is_same(first) { second } else { first }];
+        } else if other.weight > 0.0 && !is_same(first) && is_greater(second) {
+            self.inclusions[1] = Some(other);
+        }
+    }
+
+    /// The one of the greatest weight, an inclusion of equals.
+    #[must_use]
+    pub fn greatest(&self) -> Option<Constraint> {
+        let inclusion = self.inclusions[0];
+        let is_greater = |exclusion: &Constraint| inclusion.is_none_or(|i| -exclusion.weight > i.weight);
+        self.exclusion.filter(is_greater).or(inclusion)
+    }
+
+    /// The two inclusions that overlap, the greater one first, if no exclusion is greater.
+    #[must_use]
+    pub fn both(&self) -> Option<[Constraint; 2]> {
+        let [first, second] = self.inclusions;
+        Some([first.filter(|first| self.greatest() == Some(*first))?, second?])
+    }
 }
 
 #[derive(Clone, Debug)]
 struct Target {
     set: usize,
+    layer: usize,
     curve: MeanCurve,
     from: f64,
     to: f64,
@@ -97,12 +141,12 @@ pub struct Constraints {
 }
 
 impl Constraints {
-    /// Finds the nodes of a score.
+    /// Finds the nodes of a score. With `morphs`, several sounds may have the weight 1 at a time.
     ///
     /// # Errors
     /// Sounds outside of their recordings, hard constraints that contradict each other, and those that leave nothing, with the location
     /// of the sound or target.
-    pub fn new(score: &SoundScore, tree: &WaveletTree) -> Result<Self, TextError> {
+    pub fn new(score: &SoundScore, tree: &WaveletTree, morphs: bool) -> Result<Self, TextError> {
         let segments =
             score.sources.iter().map(|source| segments(source, tree)).collect::<Result<Vec<_>, _>>()?;
         let mut compiled = Self::default();
@@ -134,13 +178,14 @@ impl Constraints {
             let directive = |curve| Directive { set: k, curve, location: source.location };
             all.extend(outside(own[k].iter().copied()).map(directive));
         }
-        Conflicts { score, sets: &compiled.sets, tree }.check(&all)?;
+        Conflicts { score, sets: &compiled.sets, tree, morphs }.check(&all)?;
         let target = |one: Directive| {
             let (from, to) = one.curve.ends().unwrap_or_default();
-            Target { set: one.set, curve: MeanCurve::new(&one.curve), from, to }
+            Target { set: one.set, layer: 0, curve: MeanCurve::new(&one.curve), from, to }
         };
         compiled.targets = all.into_iter().map(target).collect();
         compiled.targets.sort_by(|a, b| a.from.total_cmp(&b.from));
+        layer(&mut compiled.targets);
         let mut latest = f64::NEG_INFINITY;
         compiled.latest = compiled
             .targets
@@ -159,13 +204,12 @@ impl Constraints {
         self.targets.is_empty()
     }
 
-    /// The constraint of a node that covers an interval of the output, in s: that of the greatest weight. The sets that must not occur at all
-    /// are added to `forbidden`.
+    /// The constraints of a node that covers an interval of the output, in s. The sets that must not occur at all are added to `forbidden`.
     ///
     /// # Complexity
     /// Logarithmic in the targets, linear in those that overlap the interval.
-    pub fn at(&self, from: f64, to: f64, mut forbidden: Option<&mut Vec<usize>>) -> Option<Constraint> {
-        let mut best = None;
+    pub fn at(&self, from: f64, to: f64, mut forbidden: Option<&mut Vec<usize>>) -> Overlap {
+        let mut found = Overlap::default();
         let first = self.latest.partition_point(|end| *end <= from);
         for target in self.targets.get(first..).unwrap_or_default() {
             if target.from >= to {
@@ -182,16 +226,23 @@ impl Constraints {
             }
             let is_hard = contains(target.curve.inclusions(), from, to);
             let weight = if is_hard { 1.0 } else { target.curve.mean(from, to).clamp(-SOFT, SOFT) };
-            best = greater(best, Constraint { set: target.set, weight, is_hard });
+            found.add(Constraint { set: target.set, weight, is_hard, layer: target.layer });
         }
-        best
+        found
     }
 }
 
-/// The constraint of the greater weight, the first of equals; a weight of 0 is none.
-pub fn greater(best: Option<Constraint>, other: Constraint) -> Option<Constraint> {
-    let is_greater = other.weight != 0.0 && best.is_none_or(|best| other.weight.abs() > best.weight.abs());
-    if is_greater { Some(other) } else { best }
+/// Gives targets, in order of their starts, layers: one whose targets have ended, or are of the same set, or else that which ends first.
+fn layer(targets: &mut [Target]) {
+    let mut last = [(f64::NEG_INFINITY, usize::MAX); 2];
+    for target in targets {
+        let is_free = |k: &usize| last[*k].0 <= target.from || last[*k].1 == target.set;
+        let same = (0..2).find(|k| last[*k].1 == target.set && last[*k].0 >= target.from);
+        let free = same.or_else(|| (0..2).find(is_free));
+        target.layer = free.unwrap_or(usize::from(last[1].0 < last[0].0));
+        let (end, set) = &mut last[target.layer];
+        (*end, *set) = (end.max(target.to), target.set);
+    }
 }
 
 /// The segments of a sound, in samples from the first root on.

@@ -15,7 +15,7 @@ pub mod score_out;
 pub mod text;
 pub mod weight_stream;
 
-pub use constraints::{Constraint, Constraints, SourceSet};
+pub use constraints::{Constraint, Constraints, Overlap, SourceSet};
 pub use curve::WeightCurve;
 pub use edit_list::{Edit, EditList, EditRules, edits_to_score, read_edits};
 pub use model::{MAX_TARGETS, Outside, ScoreSource, ScoreTarget, SoundScore};

@@ -1,6 +1,6 @@
 //! Weights of sounds as streams.
 
-use super::constraints::{Constraint, SOFT, greater};
+use super::constraints::{Constraint, Overlap, SOFT};
 
 /// Weights of the sounds of a score that come as a stream: item `k` holds from `k / rate` to `(k + 1) / rate`.
 #[derive(Clone, Copy, Debug)]
@@ -16,17 +16,11 @@ pub struct WeightStream<'a> {
 }
 
 impl WeightStream<'_> {
-    /// The constraint of an interval, in s, or `best` if its weight is greater, as [`Constraints::at`].
-    pub fn at(
-        &self,
-        from: f64,
-        to: f64,
-        mut best: Option<Constraint>,
-        mut forbidden: Option<&mut Vec<usize>>,
-    ) -> Option<Constraint> {
+    /// Adds the constraints of an interval, in s, as [`Constraints::at`](super::Constraints::at).
+    pub fn add(&self, from: f64, to: f64, found: &mut Overlap, mut forbidden: Option<&mut Vec<usize>>) {
         let count = (self.items.len() / self.width.max(1)) as i64;
         if count == 0 {
-            return best;
+            return;
         }
         let (a, b) = (from * self.rate - self.first as f64, to * self.rate - self.first as f64);
         let (start, end) = ((a + 1e-6).floor() as i64, (b - 1e-6).ceil() as i64);
@@ -46,8 +40,7 @@ impl WeightStream<'_> {
                 continue;
             }
             let weight = if is_one { 1.0 } else { (sum / (b - a).max(1e-12)).clamp(-SOFT, SOFT) };
-            best = greater(best, Constraint { set: sound, weight, is_hard: is_one });
+            found.add(Constraint { set: sound, weight, is_hard: is_one, layer: sound % 2 });
         }
-        best
     }
 }

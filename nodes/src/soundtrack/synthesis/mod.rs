@@ -2,6 +2,7 @@
 
 mod choice;
 mod classes;
+pub mod morph;
 mod output;
 pub mod position;
 pub mod rules;
@@ -11,6 +12,7 @@ pub mod synthesizer;
 pub mod texture_stream;
 pub mod texture_synthesis;
 
+pub use morph::OverlapMode;
 pub use position::{SourcePosition, SourcePositions};
 pub use rules::{PredecessorCount, SynthesisCounts, SynthesisRules, WeightBias};
 pub use synthesizer::Synthesizer;

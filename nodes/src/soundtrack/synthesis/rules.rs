@@ -1,5 +1,6 @@
 //! Rules of a synthesis, and counts of what happened.
 
+use super::morph::OverlapMode;
 use crate::core::node::Summary;
 use crate::{choices, impl_state};
 
@@ -40,6 +41,8 @@ pub struct SynthesisRules {
     pub quality: f64,
     /// How weights act.
     pub bias: WeightBias,
+    /// What is heard where two sounds overlap.
+    pub overlap: OverlapMode,
     /// Factor on the chance of a node for each time it was chosen lately; 1 for none.
     pub repetition: f64,
     /// How long a choice counts for `repetition`, s.
@@ -59,6 +62,7 @@ impl Default for SynthesisRules {
             look_ahead: 1.0,
             quality: 0.7,
             bias: WeightBias::Probability,
+            overlap: OverlapMode::Winner,
             repetition: 1.0,
             memory: 2.0,
             max_run: Some(1.0),

@@ -1,5 +1,6 @@
 //! The node `TextureSynthesis`.
 
+use super::morph::OverlapMode;
 use super::position::SourcePositions;
 use super::rules::{PredecessorCount, SynthesisRules, WeightBias};
 use super::texture_stream::TextureStream;
@@ -25,7 +26,7 @@ params! {
     /// intervals of the recordings are matched apart, and one of both kinds is chosen with the probability that the weight states.
     ///
     /// `weights` has a channel for each of the first sounds of the score, in its order: weights that change while the graph plays, from a `LiveControl` or
-    /// from motion. Of several weights at a time the greatest counts.
+    /// from motion. Of several weights at a time the greatest counts, or the two greatest are mixed as `overlap` says.
     ///
     /// The output is a function of seed, model and score: a change of the score changes nothing that is earlier than the change by more than
     /// the look-ahead and five blocks.
@@ -61,6 +62,10 @@ params! {
         look_ahead: Option<f64> = None, unit "s", range 0.0..=60.0;
         /// How a weight between -1 and 1 acts.
         bias: WeightBias = WeightBias::Probability;
+        /// What is heard where targets of two sounds overlap, both with positive weights. Mixed, both are made by the same random numbers, and the
+        /// shares are those of the weights; with weights whose sum is 1, nothing else is heard. Coarse coefficients are mixed where one sound follows
+        /// another, too.
+        overlap: OverlapMode = OverlapMode::Winner;
         /// Share of the match of other nodes that a wanted node must reach, and the other way round; 0 for no such rule.
         quality: f64 = 0.7, unit "", range 0.0..=1.0;
         /// Greatest number of equal candidates that are compared.
@@ -106,6 +111,7 @@ impl TextureSynthesisParams {
             look_ahead: self.look_ahead(),
             quality: self.quality,
             bias: self.bias,
+            overlap: self.overlap,
             repetition: self.repetition,
             memory: self.memory,
             max_run: self.max_run,
@@ -195,7 +201,8 @@ impl Node for TextureSynthesis {
         }
         let score = cx.optional_value(TextureSynthesisPorts::score);
         let constraints = match &score {
-            Some(score) => Constraints::new(score, tree).map_err(|e| score_error(score, &e))?,
+            Some(score) => Constraints::new(score, tree, p.overlap != OverlapMode::Winner)
+                .map_err(|e| score_error(score, &e))?,
             None => Constraints::default(),
         };
         let warnings = score.as_deref().map(long_targets).unwrap_or_default();

@@ -13,7 +13,7 @@ fn tree() -> WaveletTree {
 
 fn compiled(sources: &str, targets: &str) -> Result<Constraints, TextError> {
     let text = format!("SoundScore(pad: 0, sources: [{sources}], targets: [\n{targets}\n])");
-    Constraints::new(&read_score(&text).unwrap(), &tree())
+    Constraints::new(&read_score(&text).unwrap(), &tree(), false)
 }
 
 const A: &str = "(name: \"a\", segments: [(0.512, 1.0), (2.0, 2.1)])";
@@ -46,7 +46,7 @@ fn the_greatest_weight_counts_and_hard_ones_need_the_whole_span() {
     let at = |from, to| {
         let mut out = Vec::new();
         let found = c.at(from, to, Some(&mut out));
-        (found.map(|c| (c.set, (c.weight * 1e6).round() / 1e6, c.is_hard)), out)
+        (found.greatest().map(|c| (c.set, (c.weight * 1e6).round() / 1e6, c.is_hard)), out)
     };
     assert_eq!(at(0.0, 1.0), (None, vec![]));
     assert_eq!(at(1.0, 1.5), (Some((0, 0.25, false)), vec![]));
@@ -57,7 +57,7 @@ fn the_greatest_weight_counts_and_hard_ones_need_the_whole_span() {
     assert_eq!(at(6.0, 6.5), (None, vec![1]));
     assert_eq!(at(7.0, 8.0), (None, vec![]));
     // Without a list of those, an exclusion counts as any other.
-    assert_eq!(c.at(6.0, 6.5, None).map(|c| c.weight), Some(-SOFT));
+    assert_eq!(c.at(6.0, 6.5, None).greatest().map(|c| c.weight), Some(-SOFT));
 }
 
 #[test]
@@ -66,8 +66,9 @@ fn streams_of_weights_are_averaged_over_the_span() {
     let stream = WeightStream { rate: 10.0, first: 0, width: 2, items: &items };
     let at = |from, to| {
         let mut out = Vec::new();
-        let found = stream.at(from, to, None, Some(&mut out));
-        (found.map(|c| (c.set, (c.weight * 1e6).round() / 1e6, c.is_hard)), out)
+        let mut found = Overlap::default();
+        stream.add(from, to, &mut found, Some(&mut out));
+        (found.greatest().map(|c| (c.set, (c.weight * 1e6).round() / 1e6, c.is_hard)), out)
     };
     assert_eq!(at(0.0, 0.1), (Some((1, 1.0, true)), vec![]));
     assert_eq!(at(0.1, 0.3), (Some((0, 0.75, false)), vec![1]));
@@ -98,16 +99,19 @@ fn outside_of_its_targets_a_sound_can_be_excluded() {
 fn ramps_fill_the_time_that_is_free() {
     let text = "SoundScore(pad: 0.1, sources: [(name: \"a\", segments: [(1, 2)])], targets: [(source: \"a\", from: 1, to: 2),
         (source: \"a\", from: 2.05, to: 3), (source: \"a\", from: 4, to: 5, weight: 0.5)])";
-    let c = Constraints::new(&read_score(text).unwrap(), &tree()).unwrap();
+    let c = Constraints::new(&read_score(text).unwrap(), &tree(), false).unwrap();
     let ends: Vec<(f64, f64)> = c.targets.iter().map(|t| (t.from, (t.to * 1e6).round() / 1e6)).collect();
     assert_eq!(ends, [(0.9, 2.05), (2.0, 3.1), (4.0, 5.0)]);
-    let mean = c.at(0.9, 1.0, None).unwrap().weight;
+    let mean = c.at(0.9, 1.0, None).greatest().unwrap().weight;
     assert!((mean - SOFT / 2.0).abs() < 1e-9, "{mean}");
-    assert!(c.at(0.99, 1.0, None).unwrap().weight > 0.95 && c.at(0.9, 0.91, None).unwrap().weight < 0.05);
+    assert!(
+        c.at(0.99, 1.0, None).greatest().unwrap().weight > 0.95
+            && c.at(0.9, 0.91, None).greatest().unwrap().weight < 0.05
+    );
     // An exclusion has a ramp of its own sign.
     let text = text.replace("to: 2)", "to: 2, weight: -1)");
-    let c = Constraints::new(&read_score(&text).unwrap(), &tree()).unwrap();
-    assert!(c.at(0.99, 1.0, None).unwrap().weight < -0.95);
+    let c = Constraints::new(&read_score(&text).unwrap(), &tree(), false).unwrap();
+    assert!(c.at(0.99, 1.0, None).greatest().unwrap().weight < -0.95);
 }
 
 #[test]
@@ -154,7 +158,7 @@ fn contradictions_and_the_impossible_have_a_location() {
 fn what_is_excluded_outside_of_its_targets_can_leave_nothing() {
     let error = |text: &str| {
         let score = read_score(&format!("SoundScore(sources: [\n{text})")).unwrap();
-        Constraints::new(&score, &tree()).unwrap_err()
+        Constraints::new(&score, &tree(), false).unwrap_err()
     };
     // Both recordings are a sound each, and both are excluded but for a second.
     let all = "(name: \"a\", segments: [(0, 4.096)], outside: Exclude),
@@ -177,5 +181,40 @@ fn many_sounds_and_targets_are_found_in_time() {
     let targets: Vec<String> =
         (0..3000).map(|k| format!("(source: \"s{}\", from: {k}, to: {})", 2999 - k, k + 1)).collect();
     let c = compiled(&sources.join(","), &targets.join(",")).unwrap();
-    assert_eq!((c.sets.len(), c.at(7.2, 7.3, None).map(|c| c.set)), (3000, Some(2992)));
+    assert_eq!((c.sets.len(), c.at(7.2, 7.3, None).greatest().map(|c| c.set)), (3000, Some(2992)));
+}
+
+#[test]
+fn overlaps_are_the_two_greatest_inclusions_of_different_sets_in_layers_of_their_own() {
+    let sources = format!("{A}, {B}, (name: \"c\", segments: [(3, 3.5)])");
+    let targets = "(source: \"a\", curve: [(0, 1), (1, 1), (2, 0)]), (source: \"b\", curve: [(1, 0), (2, 1), (3, 1), (4, 0)]),
+        (source: \"c\", curve: [(3, 0), (4, 1), (5, 1)]), (source: \"a\", from: 4.2, to: 5, weight: 0.2),
+        (source: \"b\", from: 4.2, to: 5, weight: -0.5)";
+    let text = format!("SoundScore(pad: 0, sources: [{sources}], targets: [{targets}])");
+    let c = Constraints::new(&read_score(&text).unwrap(), &tree(), true).unwrap();
+    let at = |from, to| {
+        let both = c.at(from, to, None).both();
+        both.map(|[a, b]| {
+            (a.set, (100.0 * a.weight).round(), a.layer, b.set, (100.0 * b.weight).round(), b.layer)
+        })
+    };
+    assert_eq!(at(0.0, 1.0), None);
+    assert_eq!(at(1.2, 1.3), Some((0, 75.0, 0, 1, 25.0, 1)));
+    assert_eq!(at(1.7, 1.8), Some((1, 75.0, 1, 0, 25.0, 0)));
+    assert_eq!(at(3.2, 3.3), Some((1, 75.0, 1, 2, 25.0, 0)));
+    assert_eq!(at(4.5, 4.6), Some((2, 100.0, 0, 0, 20.0, 1)));
+    // Two hard ones may overlap where they morph, and an exclusion of one of them is a contradiction as before.
+    let hard = "(source: \"a\", from: 0, to: 1), (source: \"b\", from: 0, to: 1)";
+    let new = |targets: &str, morphs| {
+        let text = format!("SoundScore(sources: [{sources}], targets: [{targets}])");
+        Constraints::new(&read_score(&text).unwrap(), &tree(), morphs)
+    };
+    assert!(new(hard, true).is_ok() && new(hard, false).is_err());
+    assert!(new(&format!("{hard}, (source: \"b\", from: 0, to: 1, weight: -1)"), true).is_err());
+    let mut overlap = Overlap::default();
+    for (set, weight) in [(0, 0.5), (1, -0.8), (2, 0.3), (0, 0.9), (2, 0.95), (0, 0.1), (3, 0.9)] {
+        overlap.add(Constraint { set, weight, is_hard: false, layer: 0 });
+    }
+    let [a, b] = overlap.both().unwrap();
+    assert_eq!((a.set, a.weight, b.set, b.weight), (2, 0.95, 0, 0.9));
 }

@@ -41,7 +41,7 @@ fn model_of(recordings: Vec<Vec<Vec<f32>>>, fit: TreeFit, block: f64, quantile: 
 
 fn constraints(model: &TextureModel, score: &str) -> Arc<Constraints> {
     let text = format!("SoundScore({score})");
-    Arc::new(Constraints::new(&read_score(&text).unwrap(), &model.tree).unwrap())
+    Arc::new(Constraints::new(&read_score(&text).unwrap(), &model.tree, true).unwrap())
 }
 
 /// Rules with no preference against repetition.
@@ -63,8 +63,8 @@ fn synthesised(
     let mut picks = vec![Vec::new(); model.tree.depth as usize];
     for _ in 0..roots {
         synthesizer.advance(None);
-        for (all, level) in picks.iter_mut().zip(&synthesizer.tree.levels) {
-            all.extend_from_slice(&level.picks[synthesizer.tree.history..]);
+        for (all, level) in picks.iter_mut().zip(&synthesizer.layers[0].tree.levels) {
+            all.extend_from_slice(&level.picks[synthesizer.layers[0].tree.history..]);
         }
     }
     (picks, synthesizer.counts)
@@ -165,11 +165,12 @@ fn naive_choice(
     let at = |node: f64| (node * span / RATE, (node + 1.0) * span / RATE);
     let mut forbidden = Vec::new();
     let (from, to) = at(node as f64);
-    let own = constraints.at(from, to, Some(&mut forbidden));
+    let own = constraints.at(from, to, Some(&mut forbidden)).greatest();
     let distance = (rules.look_ahead * RATE / span).round();
     let (from, to) = at(node as f64 + distance);
     let later = constraints
         .at(from, to, None)
+        .greatest()
         .filter(|c| distance > 0.0 && own.is_none_or(|own: Constraint| own.set != c.set));
     let inside = |c: Constraint, m: u32| {
         let set = &constraints.sets[c.set];
@@ -329,7 +330,7 @@ fn values_are_those_of_the_model_and_siblings_stay_together() {
         s.advance(None);
         assert_eq!((s.next, s.leaves().len()), (root + 1, 64));
         for level in 0..7 {
-            let picks = &s.tree.levels[level].picks[s.tree.history..];
+            let picks = &s.layers[0].tree.levels[level].picks[s.layers[0].tree.history..];
             for (node, pick) in picks.iter().enumerate() {
                 assert_eq!(&s.details(level)[2 * node..2 * node + 2], source_value(&model, level, *pick));
                 assert!(level == 0 || *pick % 2 == node as u32 % 2 && picks[node ^ 1] == pick ^ 1);
