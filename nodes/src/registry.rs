@@ -116,14 +116,17 @@ use crate::soundtrack::matching::path_score::PathScore;
 use crate::soundtrack::matching::sound_spot::SoundSpot;
 use crate::soundtrack::motion::contact_curve::ContactCurve;
 use crate::soundtrack::motion::curve_file::CurveFile;
+use crate::soundtrack::motion::curve_out::CurveOut;
 use crate::soundtrack::motion::motion_curve::MotionCurveNode;
 use crate::soundtrack::motion::pose_curve::PoseCurve;
 use crate::soundtrack::score::edl_to_score::EdlToScore;
+use crate::soundtrack::score::frame_score::FrameScore;
 use crate::soundtrack::score::quiet_score::QuietScore;
 use crate::soundtrack::score::score_file::ScoreFile;
 use crate::soundtrack::score::score_out::ScoreOut;
 use crate::soundtrack::synthesis::soundtrack_report::SoundtrackReport;
 use crate::soundtrack::synthesis::texture_synthesis::TextureSynthesis;
+use crate::soundtrack::synthesis::tree_step::TreeStep;
 use crate::soundtrack::wavelet::texture_model::TextureModelNode;
 use crate::soundtrack::wavelet::texture_model_file::TextureModelFile;
 use crate::soundtrack::wavelet::wavelet_tree::WaveletTreeNode;
@@ -475,11 +478,14 @@ impl Registry {
             .with_func::<TextureModelFile>()
             .with_func::<ScoreFile>()
             .with_func::<EdlToScore>()
+            .with_func::<FrameScore>()
             .with::<ScoreOut>()
             .with_func::<QuietScore>()
             .with::<TextureSynthesis>()
             .with::<SoundtrackReport>()
+            .with_func::<TreeStep>()
             .with::<CurveFile>()
+            .with::<CurveOut>()
             .with::<PoseCurve>()
             .with::<ContactCurve>()
             .with::<MotionCurveNode>()

@@ -159,3 +159,65 @@ fn weights_of_a_control_hold_throughout() {
     let loud = positions("live", &["--set", "weights.initial=[1.0, 0.0]"], folder.path()).0;
     assert_eq!(share(&loud, 16_000.0, 0.0, 6.0, &[(0.75, 6.1)]), 1.0);
 }
+
+/// Level and centroid of the spectrum of a second of sound, dB and Hz.
+fn colour(sound: &[f32], rate: usize, second: usize) -> (f64, f64) {
+    let x: Vec<f64> = sound[second * rate..(second + 1) * rate].iter().map(|x| f64::from(*x)).collect();
+    let power = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>();
+    let (whole, slope) = (power(&mut x.iter().copied()), power(&mut x.windows(2).map(|p| p[1] - p[0])));
+    // The root mean square of the frequency, by the power of the difference.
+    let angle = 2.0 * (0.5 * (slope / whole.max(1e-30)).sqrt()).min(1.0).asin();
+    (10.0 * (whole / rate as f64).max(1e-30).log10(), angle * rate as f64 / (2.0 * std::f64::consts::PI))
+}
+
+#[test]
+fn ramps_that_cross_turn_one_sound_into_the_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let (all, report) = positions("morph", &[], folder.path());
+    let sound = wav(&folder.path().join("morph.wav"));
+    let seconds: Vec<(f64, f64)> = (0..12).map(|k| colour(&sound, 32_000, k)).collect();
+    // Neither is silent in between, and the spectrum goes from that of the first to that of the second.
+    assert!(seconds[3..9].iter().all(|(level, _)| *level > -40.0), "{seconds:?}");
+    let (before, between, after) = (seconds[1].1, seconds[6].1, seconds[10].1);
+    assert!(before < 0.8 * between && between < after, "{seconds:?}");
+    // Nothing but the two sounds is heard: each of its recording.
+    let is_first = |(recording, _): &(usize, f64)| *recording == 0;
+    assert!(all[..48_000].iter().all(is_first) && !all[144_000..].iter().any(is_first));
+    assert!(summary(&report, "report", "satisfaction") > 0.7);
+}
+
+#[test]
+fn figures_of_a_step_and_of_a_score_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    foley(folder.path(), &["run", "graphs/numbers/step.ron"]);
+    let table = std::fs::read_to_string(folder.path().join("step.csv")).unwrap();
+    for role in ["ancestors", "predecessors", "by ancestors", "drawn", "its children"] {
+        assert!(table.lines().any(|line| line.split(',').nth(1) == Some(role)), "{role}: {table}");
+    }
+    let step = std::fs::read_to_string(folder.path().join("step.svg")).unwrap();
+    assert!(step.contains(">by predecessors<") && step.contains(">recordings<"));
+    let file = folder.path().join("edit.svg");
+    let tap = format!("report.table={}", file.display());
+    foley(folder.path(), &["run", "graphs/numbers/edit.ron", "--tap", &tap]);
+    let edit = std::fs::read_to_string(file).unwrap();
+    for title in ["fireworks.ogg", "score", "output", "where the sound comes from"] {
+        assert!(edit.contains(&format!(">{title}<")), "{title}");
+    }
+}
+
+#[test]
+fn frames_of_the_picture_direct_its_sound() {
+    let folder = tempfile::tempdir().unwrap();
+    let (all, report) = positions("frames", &[], folder.path());
+    let text = std::fs::read_to_string(folder.path().join("frames.csv")).unwrap();
+    let frames: Vec<f64> = text.lines().skip(1).map(|row| row.split(',').nth(1).unwrap().parse().unwrap()).collect();
+    assert!(frames.len() > 200, "{}", frames.len());
+    // The sound is that of the frame that is shown, within five frames for 95 % of the time.
+    let is_near = |(n, (_, t)): &(usize, &(usize, f64))| {
+        let k = (*n as f64 / 16_000.0 * 30.0) as usize;
+        frames.get(k).is_none_or(|frame| (t - frame / 30.0).abs() < 5.0 / 30.0)
+    };
+    let near = all.iter().enumerate().filter(is_near).count() as f64 / all.len() as f64;
+    assert!(near > 0.95, "{near}");
+    assert!(summary(&report, "report", "satisfaction") > 0.95);
+}

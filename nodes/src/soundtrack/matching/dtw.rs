@@ -15,12 +15,17 @@ use std::collections::VecDeque;
 /// Sakoe and Chiba, "Dynamic programming algorithm optimization for spoken word recognition" (IEEE TASSP 26(1), 1978).
 #[must_use]
 pub fn distance(a: &[f32], b: &[f32], channels: usize, radius: usize, limit: f64) -> Option<f64> {
+    squared_distance(a, b, channels, radius, limit * limit).map(f64::sqrt)
+}
+
+/// The square of [`distance`], if it is not greater than `most`.
+#[must_use]
+pub fn squared_distance(a: &[f32], b: &[f32], channels: usize, radius: usize, most: f64) -> Option<f64> {
     let channels = channels.max(1);
     let n = a.len().min(b.len()) / channels;
     if n == 0 {
         return None;
     }
-    let most = limit * limit;
     let local = |i: usize, j: usize| -> f64 {
         let (a, b) = (&a[i * channels..(i + 1) * channels], &b[j * channels..(j + 1) * channels]);
         a.iter().zip(b).map(|(x, y)| f64::from(x - y).powi(2)).sum()
@@ -47,7 +52,7 @@ pub fn distance(a: &[f32], b: &[f32], channels: usize, radius: usize, limit: f64
         std::mem::swap(&mut last, &mut row);
         row[0] = f64::INFINITY;
     }
-    (last[n] <= most).then(|| last[n].sqrt())
+    (last[n] <= most).then(|| last[n])
 }
 
 /// Least and greatest value of each channel within `radius` frames of each frame.

@@ -60,6 +60,8 @@ ports! {
         out {
             /// The fragments and the path.
             path: Value<FragmentPath>,
+            /// For each frame of the target the number of the frame of the source.
+            frames: Value<MotionCurve>,
         }
     }
 }
@@ -158,6 +160,7 @@ impl Func for FragmentPathNode {
             let text = "the new motion is one fragment: it does not turn, or is too short";
             summary.push(("warning", text.into()));
         }
+        io.frames.set(path.frames());
         io.path.set(path);
         Ok(summary)
     }
@@ -188,6 +191,7 @@ mod tests {
             let m = path.path.len();
             assert!(m > 4 && path.path == (0..m).collect::<Vec<_>>(), "{:?}", path.path);
             assert!(path.consecutive == m - 1 && path.cost < 1e-9, "{}", path.cost);
+            assert!(path.frames().values.iter().enumerate().all(|(k, x)| *x == k as f32));
         }
         // With an offset too, if it is relative.
         let mut higher = motion.clone();

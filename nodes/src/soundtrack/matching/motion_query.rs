@@ -42,6 +42,8 @@ params! {
         exhaustive: bool = false;
         /// Choose the matches with the greatest sum of similarities, and not the most similar first.
         optimal: bool = false;
+        /// Greatest number of matches, the most similar ones; None for all.
+        count: Option<usize> = None, unit "", range 1..=1_000_000;
     }
 }
 ports! {
@@ -76,11 +78,13 @@ impl Func for MotionQuery {
             radius: p.radius,
             normalisation: p.normalisation,
             exhaustive: p.exhaustive,
+            count: p.count,
         };
         let source = io.source.unwrap_or(io.motion);
         let interval = (p.from, p.to);
         let found = match p.optimal {
-            true => find_matches(io.motion, source, interval, rules, cx.monitor).map(greatest_sum),
+            true => find_matches(io.motion, source, interval, rules, cx.monitor)
+                .map(|all| greatest_sum(all, p.count)),
             false => best_matches(io.motion, source, interval, rules, cx.monitor),
         };
         let matches = found.map_err(|e| match e {

@@ -30,7 +30,7 @@ pub fn most_similar(mut all: Vec<MotionMatch>) -> Vec<MotionMatch> {
     chosen
 }
 
-/// Of matches, those without overlap whose similarities have the greatest sum, in order of time.
+/// Of matches, those without overlap whose similarities have the greatest sum, and of these the `count` most similar, in order of time.
 ///
 /// # Complexity
 /// `N log N` in the matches.
@@ -38,7 +38,7 @@ pub fn most_similar(mut all: Vec<MotionMatch>) -> Vec<MotionMatch> {
 /// # Source
 /// Kleinberg and Tardos, "Algorithm Design" (2005), section 6.1: weighted interval scheduling.
 #[must_use]
-pub fn greatest_sum(mut all: Vec<MotionMatch>) -> Vec<MotionMatch> {
+pub fn greatest_sum(mut all: Vec<MotionMatch>, count: Option<usize>) -> Vec<MotionMatch> {
     let mut chosen = Vec::new();
     all.sort_by(|a, b| a.to.total_cmp(&b.to).then(a.from.total_cmp(&b.from)));
     // The best sum of the matches up to each, and the number of those that end before one begins.
@@ -58,7 +58,13 @@ pub fn greatest_sum(mut all: Vec<MotionMatch>) -> Vec<MotionMatch> {
             k -= 1;
         }
     }
-    chosen.reverse();
+    if let Some(count) = count {
+        chosen.sort_by(|a: &MotionMatch, b| {
+            b.similarity.total_cmp(&a.similarity).then(a.from.total_cmp(&b.from))
+        });
+        chosen.truncate(count);
+    }
+    chosen.sort_by(|a, b| a.from.total_cmp(&b.from));
     chosen
 }
 
@@ -72,9 +78,10 @@ mod tests {
         let all =
             vec![m(0.0, 1.0, 0.8), m(0.9, 2.0, 0.9), m(2.0, 3.0, 0.8), m(5.0, 6.0, 0.7), m(5.0, 5.5, 0.7)];
         assert_eq!(most_similar(all.clone()), [all[1], all[2], all[4]]);
-        assert_eq!(greatest_sum(all.clone())[..2], [all[1], all[2]]);
+        assert_eq!(greatest_sum(all.clone(), None)[..2], [all[1], all[2]]);
         let tight = vec![m(0.0, 1.0, 0.8), m(0.9, 2.0, 0.9), m(1.9, 3.0, 0.8)];
         assert_eq!(most_similar(tight.clone()), [tight[1]]);
-        assert_eq!(greatest_sum(tight.clone()), [tight[0], tight[2]]);
+        assert_eq!(greatest_sum(tight.clone(), None), [tight[0], tight[2]]);
+        assert_eq!(greatest_sum(all.clone(), Some(2)), [all[1], all[2]]);
     }
 }

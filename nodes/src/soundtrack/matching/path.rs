@@ -6,6 +6,7 @@ use crate::core::item::Data;
 use crate::core::random::Rng;
 use crate::material::statistics::quantile;
 use crate::plot::{Chart, Line, grid};
+use crate::soundtrack::motion::MotionCurve;
 use serde::{Deserialize, Serialize};
 
 choices! {
@@ -130,6 +131,22 @@ impl FragmentPath {
     pub fn target_interval(&self, fragment: usize) -> (f64, f64) {
         let at = |k: usize| self.target_cuts.get(k).map_or(0.0, |frame| *frame as f64 / self.rates.1);
         (at(fragment), at(fragment + 1))
+    }
+}
+
+impl FragmentPath {
+    /// For each frame of the target, the frame of the source that the path leads to: the fragments of the source stretched to those of the target.
+    #[must_use]
+    pub fn frames(&self) -> MotionCurve {
+        let mut values = Vec::with_capacity(self.target.len());
+        for (i, fragment) in self.path.iter().enumerate() {
+            let at = |cuts: &[usize], k: usize| cuts.get(k).copied().unwrap_or_default() as f64;
+            let (from, to) = (at(&self.target_cuts, i), at(&self.target_cuts, i + 1));
+            let (a, b) = (at(&self.source_cuts, *fragment), at(&self.source_cuts, fragment + 1));
+            let frame = |k: f64| a + (k - from) / (to - from).max(1.0) * (b - a);
+            values.extend((from as usize..to as usize).map(|k| frame(k as f64) as f32));
+        }
+        MotionCurve { rate: self.rates.1, channels: 1, values, gaps: Vec::new() }
     }
 }
 

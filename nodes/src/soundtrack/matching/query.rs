@@ -1,6 +1,6 @@
 //! A part of a motion that others are compared with.
 
-use super::dtw::{distance, envelope, outside};
+use super::dtw::{envelope, outside, squared_distance};
 use super::matches::MotionMatch;
 use crate::choices;
 use crate::soundtrack::motion::{CurveError, MotionCurve};
@@ -33,6 +33,8 @@ pub struct QueryRules {
     pub normalisation: Normalisation,
     /// Try every length, and not only those with the ratio of a fourth of an octave.
     pub exhaustive: bool,
+    /// Greatest number of matches, the most similar ones; `None` for all.
+    pub count: Option<usize>,
 }
 
 impl Default for QueryRules {
@@ -44,6 +46,7 @@ impl Default for QueryRules {
             radius: 0.1,
             normalisation: Normalisation::Offset,
             exhaustive: false,
+            count: None,
         }
     }
 }
@@ -103,8 +106,12 @@ const MIN_FRAMES: usize = 4;
 pub struct Scratch {
     /// Mean and factor of each channel.
     pub normal: Vec<(f32, f32)>,
+    means: Vec<Option<[f32; 2]>>,
     window: Vec<f32>,
 }
+
+/// Frames that the first bound is taken of.
+pub const COARSE: usize = 16;
 
 /// The frames of a window at the times of the frames of the query.
 #[derive(Clone, Debug)]
@@ -139,13 +146,18 @@ pub struct Query<'a> {
     pub(super) radius: usize,
     /// Standard deviation of the query.
     pub(super) deviation: f64,
-    /// Distance at the threshold.
-    pub limit: f64,
+    /// Squared distance at the threshold.
+    pub most: f64,
     /// Sums of values and of squares before each frame, by channel.
     sums: Vec<[f64; 2]>,
     /// Frames in gaps before each frame.
     gaps: Vec<u32>,
+    /// Extremes of the motion from each frame to [`BLOCK`] frames later, by channel.
+    extremes: Vec<[f32; 2]>,
 }
+
+/// Windows with neighbouring starts that are bounded at once.
+pub const BLOCK: usize = 16;
 
 /// Mean and factor that normalise a channel.
 fn normaliser(rule: Normalisation, sums: [f64; 2], n: f64) -> (f32, f32) {
@@ -156,6 +168,14 @@ fn normaliser(rule: Normalisation, sums: [f64; 2], n: f64) -> (f32, f32) {
         Normalisation::Offset => (mean as f32, 1.0),
         Normalisation::ZScore => (mean as f32, if deviation > 1e-9 { (1.0 / deviation) as f32 } else { 0.0 }),
     }
+}
+
+/// Extremes from each frame to [`BLOCK`] frames later: those within half of it of the frame in the middle.
+fn ahead(curve: &MotionCurve) -> Vec<[f32; 2]> {
+    let channels = curve.channels;
+    let around = envelope(&curve.values, channels, BLOCK / 2);
+    let frame = |k: usize| (k + BLOCK / 2).min(curve.frames().saturating_sub(1)) * channels;
+    (0..curve.frames()).flat_map(|k| around[frame(k)..frame(k) + channels].iter().copied()).collect()
 }
 
 impl<'a> Query<'a> {
@@ -225,8 +245,21 @@ impl<'a> Query<'a> {
             total += *g;
             *g = total;
         });
-        let limit = -rules.threshold.max(1e-12).ln() * deviation * (frames as f64).sqrt();
-        Ok(Self { curve, rules, frames, values, envelope, order, radius, deviation, limit, sums, gaps })
+        let limit: f64 = -rules.threshold.max(1e-12).ln() * deviation * (frames as f64).sqrt();
+        Ok(Self {
+            curve,
+            rules,
+            frames,
+            values,
+            envelope,
+            order,
+            radius,
+            deviation,
+            most: limit * limit,
+            sums,
+            gaps,
+            extremes: ahead(curve),
+        })
     }
 
     /// The lengths of windows, in frames.
@@ -242,6 +275,11 @@ impl<'a> Query<'a> {
         all.retain(|len| (2..=most).contains(len));
         all.dedup();
         all
+    }
+
+    /// The number of windows of a length.
+    pub fn starts(&self, grid: &Grid) -> usize {
+        self.curve.frames() + 1 - grid.len
     }
 
     /// Finds the normalisation of each channel of a window; returns false if the window has a gap.
@@ -265,11 +303,58 @@ impl<'a> Query<'a> {
         (a + t * (b - a) - mean) * factor
     }
 
-    /// A lower bound of the squared distance of a window, from its ends and `points` more frames. It stops above the threshold.
+    /// A lower bound of the squared distances of up to [`BLOCK`] windows with consecutive starts. It stops above `most`.
+    pub fn block_bound(
+        &self,
+        grid: &Grid,
+        start: usize,
+        count: usize,
+        scratch: &mut Scratch,
+        most: f64,
+    ) -> f64 {
+        let channels = self.curve.channels;
+        // Extremes of the means.
+        let means = &mut scratch.means;
+        means.clear();
+        means.extend((0..channels).map(|c| match self.rules.normalisation {
+            Normalisation::None => Some([0.0; 2]),
+            // The factor of each window is another one.
+            Normalisation::ZScore => None,
+            Normalisation::Offset => {
+                let mean = |k: usize| {
+                    let (a, b) = (self.sums[k * channels + c], self.sums[(k + grid.len) * channels + c]);
+                    normaliser(Normalisation::Offset, [b[0] - a[0], 0.0], grid.len as f64).0
+                };
+                let all = (start..start + count).map(mean);
+                Some(all.fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], m| [a.min(m), b.max(m)]))
+            }
+        }));
+        let mut bound = 0.0;
+        let ends = [0, self.frames - 1].map(|j| (j, true));
+        for (j, is_end) in ends.into_iter().chain(self.order.iter().take(COARSE).map(|j| (*j, false))) {
+            if bound > most {
+                break;
+            }
+            for (c, means) in means.iter().enumerate() {
+                let Some([least, greatest]) = *means else { return 0.0 };
+                let k = j * channels + c;
+                let [low, high] = if is_end { [self.values[k]; 2] } else { self.envelope[k] };
+                let [from, to] = self.extremes[(start + grid.points[j].0) * channels + c];
+                // Differences of numbers of these intervals, but for rounding.
+                let gap = (low - (to - least)).max((from - greatest) - high);
+                let sure =
+                    f64::from(gap - 1e-5 * (gap + to.abs() + from.abs() + least.abs() + greatest.abs()));
+                bound += sure.max(0.0).powi(2);
+            }
+        }
+        bound
+    }
+
+    /// A lower bound of the squared distance of a window, from its ends and `points` more frames. It stops above `most`.
     ///
     /// The ends are matched with the ends of the query, and every other frame with one within the radius.
-    pub fn bound(&self, grid: &Grid, start: usize, normal: &[(f32, f32)], points: usize) -> f64 {
-        let (channels, most) = (self.curve.channels, self.limit * self.limit);
+    pub fn bound(&self, grid: &Grid, start: usize, normal: &[(f32, f32)], points: usize, most: f64) -> f64 {
+        let channels = self.curve.channels;
         let mut bound = 0.0;
         for j in [0, self.frames - 1] {
             for c in 0..channels {
@@ -291,17 +376,16 @@ impl<'a> Query<'a> {
 
     /// Writes a window that is normalised.
     fn write(&self, grid: &Grid, start: usize, scratch: &mut Scratch) {
-        let Scratch { normal, window } = scratch;
+        let Scratch { normal, window, .. } = scratch;
         window.clear();
         for j in 0..self.frames {
             window.extend((0..self.curve.channels).map(|c| self.value(grid, start, normal, j, c)));
         }
     }
 
-    /// A better lower bound of the squared distance of a window, if it does not exceed the threshold.
-    pub fn full_bound(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> Option<f64> {
-        let most = self.limit * self.limit;
-        let own = self.bound(grid, start, &scratch.normal, usize::MAX);
+    /// A better lower bound of the squared distance of a window, if it does not exceed `most`.
+    pub fn full_bound(&self, grid: &Grid, start: usize, scratch: &mut Scratch, most: f64) -> Option<f64> {
+        let own = self.bound(grid, start, &scratch.normal, usize::MAX, most);
         if own > most {
             return None;
         }
@@ -311,15 +395,15 @@ impl<'a> Query<'a> {
         (other <= most).then_some(own.max(other))
     }
 
-    /// The distance of a window, if it does not exceed the threshold.
-    pub fn distance(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> Option<f64> {
+    /// The squared distance of a window, if it does not exceed `most`.
+    pub fn distance(&self, grid: &Grid, start: usize, scratch: &mut Scratch, most: f64) -> Option<f64> {
         self.write(grid, start, scratch);
-        distance(&self.values, &scratch.window, self.curve.channels, self.radius, self.limit)
+        squared_distance(&self.values, &scratch.window, self.curve.channels, self.radius, most)
     }
 
-    /// The match of a window with a distance.
-    pub fn found(&self, grid: &Grid, start: usize, distance: f64) -> MotionMatch {
-        let similarity = (-distance / (self.frames as f64).sqrt() / self.deviation).exp();
+    /// The match of a window with a squared distance.
+    pub fn found(&self, grid: &Grid, start: usize, squared: f64) -> MotionMatch {
+        let similarity = (-squared.sqrt() / (self.frames as f64).sqrt() / self.deviation).exp();
         let at = |k: usize| k as f64 / self.curve.rate;
         MotionMatch { from: at(start), to: at(start + grid.len), similarity }
     }

@@ -1,34 +1,40 @@
 //! Search of a motion for all intervals that are similar to one.
 
 use super::matches::MotionMatch;
-use super::query::{Grid, Query, QueryError, QueryRules, Scratch};
+use super::query::{BLOCK, COARSE, Grid, Query, QueryError, QueryRules, Scratch};
 use crate::core::computation::Monitor;
 use crate::soundtrack::motion::MotionCurve;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 
 /// Windows that one task compares.
 const TASK: usize = 4096;
 
-/// Calls `each` for all windows, in parallel, and collects what it finds, in order.
+/// Calls `each` for all windows whose squared distance may not exceed `most`, in parallel, and collects what it finds, in order.
 fn windows<T: Send>(
-    curve: &MotionCurve,
+    query: &Query<'_>,
     grids: &[Grid],
     monitor: &Monitor<'_>,
+    most: impl Fn() -> f64 + Sync,
     each: impl Fn(usize, usize, &mut Scratch) -> Option<T> + Sync,
 ) -> Result<Vec<T>, QueryError> {
     let mut tasks = Vec::new();
     for (g, grid) in grids.iter().enumerate() {
-        let starts = curve.frames() + 1 - grid.len;
+        let starts = query.starts(grid);
         tasks.extend((0..starts).step_by(TASK).map(|from| (g, from, (from + TASK).min(starts))));
     }
     let (done, is_stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
     let of_task = |(g, from, to): &(usize, usize, usize)| {
         let (mut found, mut scratch) = (Vec::new(), Scratch::default());
         if !is_stopped.load(Ordering::Relaxed) {
-            found.extend((*from..*to).filter_map(|start| each(*g, start, &mut scratch)));
+            for block in (*from..*to).step_by(BLOCK) {
+                let count = BLOCK.min(to - block);
+                if query.block_bound(&grids[*g], block, count, &mut scratch, most()) <= most() {
+                    found.extend((block..block + count).filter_map(|start| each(*g, start, &mut scratch)));
+                }
+            }
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             if monitor(count as f64 / tasks.len() as f64) {
                 is_stopped.store(true, Ordering::Relaxed);
@@ -59,9 +65,6 @@ enum Step {
     Exact,
 }
 
-/// Frames that the first bound is taken of.
-const COARSE: usize = 16;
-
 /// The parts of a motion that are similar to a part of a motion, as [`most_similar`](super::overlap::most_similar) chooses among
 /// [`find_matches`], in order of time.
 ///
@@ -82,22 +85,26 @@ pub fn best_matches(
 ) -> Result<Vec<MotionMatch>, QueryError> {
     let query = Query::new(curve, source, interval, rules)?;
     let grids: Vec<Grid> = query.lengths().into_iter().map(|len| Grid::new(len, query.frames)).collect();
-    let most = query.limit * query.limit;
+    let most = query.most;
+    if rules.count == Some(1) {
+        return Ok(best_match(&query, &grids, monitor)?.into_iter().collect());
+    }
+    let count = rules.count.unwrap_or(usize::MAX);
     let coarse = |g: usize, start: usize, scratch: &mut Scratch| {
         let grid = &grids[g];
         if !query.normalise(grid, start, scratch) {
             return None;
         }
-        let bound = query.bound(grid, start, &scratch.normal, COARSE);
+        let bound = query.bound(grid, start, &scratch.normal, COARSE, most);
         (bound <= most).then(|| {
             let (start, len, grid) = (start as u32, grid.len as u32, g as u32);
             Reverse(Ranked { bound: bound.to_bits(), step: Step::Coarse, start, len, grid })
         })
     };
-    let mut heap = BinaryHeap::from(windows(curve, &grids, monitor, coarse)?);
+    let mut heap = BinaryHeap::from(windows(&query, &grids, monitor, || most, coarse)?);
     let mut chosen: BTreeMap<u32, (u32, MotionMatch)> = BTreeMap::new();
     let mut scratch = Scratch::default();
-    while let Some(Reverse(ranked)) = heap.pop() {
+    while let Some(Reverse(ranked)) = heap.pop().filter(|_| chosen.len() < count) {
         let (start, end) = (ranked.start, ranked.start + ranked.len);
         let overlaps = chosen.range(..end).next_back().is_some_and(|(_, (other, _))| *other > start);
         if overlaps {
@@ -107,16 +114,16 @@ pub fn best_matches(
         let at = start as usize;
         let next = match ranked.step {
             Step::Exact => {
-                chosen.insert(start, (end, query.found(grid, at, f64::from_bits(ranked.bound).sqrt())));
+                chosen.insert(start, (end, query.found(grid, at, f64::from_bits(ranked.bound))));
                 continue;
             }
             Step::Coarse => {
                 query.normalise(grid, at, &mut scratch);
-                query.full_bound(grid, at, &mut scratch).map(|bound| (bound, Step::Full))
+                query.full_bound(grid, at, &mut scratch, most).map(|bound| (bound, Step::Full))
             }
             Step::Full => {
                 query.normalise(grid, at, &mut scratch);
-                query.distance(grid, at, &mut scratch).map(|d| (d * d, Step::Exact))
+                query.distance(grid, at, &mut scratch, most).map(|squared| (squared, Step::Exact))
             }
         };
         if let Some((bound, step)) = next {
@@ -126,6 +133,50 @@ pub fn best_matches(
         }
     }
     Ok(chosen.into_values().map(|(_, found)| found).collect())
+}
+
+/// Windows that are compared first to find a good one, and windows for each of them that are looked at.
+const FIRST: (usize, usize) = (64, 256);
+
+/// The most similar window; of equals the earlier and then the shorter.
+///
+/// A window that is good bounds the search from the beginning, and each better one bounds it more.
+fn best_match(
+    query: &Query<'_>,
+    grids: &[Grid],
+    monitor: &Monitor<'_>,
+) -> Result<Option<MotionMatch>, QueryError> {
+    // Bits of the least squared distance so far, which are in the order of the numbers.
+    let least = AtomicU64::new(query.most.to_bits());
+    let most = || f64::from_bits(least.load(Ordering::Relaxed));
+    let compare = |g: usize, start: usize, scratch: &mut Scratch| {
+        query.full_bound(&grids[g], start, scratch, most())?;
+        let squared = query.distance(&grids[g], start, scratch, most())?;
+        least.fetch_min(squared.to_bits(), Ordering::Relaxed);
+        Some((squared.to_bits(), start, grids[g].len, g))
+    };
+    let mut scratch = Scratch::default();
+    let all: usize = grids.iter().map(|grid| query.starts(grid)).sum();
+    let stride = all.div_ceil(FIRST.0 * FIRST.1).max(1);
+    let mut first = Vec::new();
+    for (g, grid) in grids.iter().enumerate() {
+        for start in (0..query.starts(grid)).step_by(stride) {
+            if query.normalise(grid, start, &mut scratch) {
+                let bound = query.bound(grid, start, &scratch.normal, COARSE, query.most);
+                first.push((bound.to_bits(), g, start));
+            }
+        }
+    }
+    first.sort_unstable();
+    for (_, g, start) in first.into_iter().take(FIRST.0) {
+        query.normalise(&grids[g], start, &mut scratch);
+        compare(g, start, &mut scratch);
+    }
+    let found = windows(query, grids, monitor, most, |g, start, scratch| {
+        if query.normalise(&grids[g], start, scratch) { compare(g, start, scratch) } else { None }
+    })?;
+    let best = found.into_iter().min();
+    Ok(best.map(|(squared, start, _, g)| query.found(&grids[g], start, f64::from_bits(squared))))
 }
 
 /// All windows of a motion whose similarity to a part of a motion reaches the threshold.
@@ -151,15 +202,21 @@ pub fn find_matches(
 ) -> Result<Vec<MotionMatch>, QueryError> {
     let query = Query::new(curve, source, interval, rules)?;
     let grids: Vec<Grid> = query.lengths().into_iter().map(|len| Grid::new(len, query.frames)).collect();
-    windows(curve, &grids, monitor, |g, start, scratch| {
-        let grid = &grids[g];
-        if !query.normalise(grid, start, scratch) {
-            return None;
-        }
-        query.full_bound(grid, start, scratch)?;
-        let distance = query.distance(grid, start, scratch)?;
-        Some(query.found(grid, start, distance))
-    })
+    windows(
+        &query,
+        &grids,
+        monitor,
+        || query.most,
+        |g, start, scratch| {
+            let grid = &grids[g];
+            if !query.normalise(grid, start, scratch) {
+                return None;
+            }
+            query.full_bound(grid, start, scratch, query.most)?;
+            let squared = query.distance(grid, start, scratch, query.most)?;
+            Some(query.found(grid, start, squared))
+        },
+    )
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 pub mod contact_curve;
 pub mod curve;
 pub mod curve_file;
+pub mod curve_out;
 mod curve_table;
 pub mod motion_curve;
 pub mod pose_curve;

@@ -5,6 +5,7 @@ pub mod constraints;
 pub mod curve;
 pub mod edit_list;
 pub mod edl_to_score;
+pub mod frame_score;
 pub mod model;
 pub mod node_set;
 mod padding;

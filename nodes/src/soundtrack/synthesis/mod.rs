@@ -2,7 +2,9 @@
 
 mod choice;
 mod classes;
+mod layer;
 pub mod morph;
+mod node_constraints;
 mod output;
 pub mod position;
 pub mod rules;
@@ -11,6 +13,8 @@ mod step;
 pub mod synthesizer;
 pub mod texture_stream;
 pub mod texture_synthesis;
+pub mod tree_step;
+mod waveform;
 
 pub use morph::OverlapMode;
 pub use position::{SourcePosition, SourcePositions};

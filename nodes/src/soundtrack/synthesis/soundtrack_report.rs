@@ -1,6 +1,7 @@
 //! The node `SoundtrackReport`.
 
 use super::position::{SourcePosition, SourcePositions};
+use super::waveform::Waveform;
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{Fold, Stream, Value};
@@ -15,10 +16,11 @@ params! {
     /// Reports where the sounds of a texture come from: lengths of the stretches that are copied, and how well a score is satisfied.
     ///
     /// `table` has a row for each target of the score: the sounds, the interval, the mean weight, and the share of its time that is of the sounds.
-    /// Tapped as SVG it draws the time in the recordings against the time of the output, the curves of the score, and the stretches by length.
+    /// Tapped as SVG it draws the waveforms of the recordings with the intervals of each sound, the curves of the score, the waveform of the output in
+    /// the colours of the sounds that it comes from, the time in the recordings against that of the output, and the stretches by length.
     ///
     /// # Source
-    /// Figure 4 of Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003): intervals, weighting curves and the result.
+    /// Figures 3 and 4 of Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003): intervals, weighting curves and the result.
     pub struct SoundtrackReportParams {}
 }
 ports! {
@@ -30,6 +32,8 @@ ports! {
             model: Value<TextureModel>,
             /// The score.
             score: Option<Value<SoundScore>>,
+            /// The output, to be drawn.
+            audio: Option<Stream<f32>>,
         }
         out {
             /// Targets and their satisfaction.
@@ -42,6 +46,8 @@ ports! {
 const MAX_POSITIONS: i64 = 172_800_000;
 /// Points of a line in the figure.
 const POINTS: usize = 3000;
+/// Sounds and recordings that are drawn.
+const MAX_DRAWN: usize = 8;
 
 /// The node `SoundtrackReport`.
 #[derive(Debug)]
@@ -49,6 +55,7 @@ pub struct SoundtrackReport {
     positions: Vec<SourcePosition>,
     rate: f64,
     limit: usize,
+    wave: Waveform,
 }
 
 /// Lengths of the stretches of recordings that are copied, in positions.
@@ -70,23 +77,30 @@ fn runs(positions: &[SourcePosition]) -> Vec<usize> {
     all
 }
 
-/// Share of positions that are within sounds; `None` without positions. Each sound comes with its recording.
+/// True if a time of a recording is within a sound, which comes with its recording.
+fn is_within((recording, sound): &(usize, &ScoreSource), of: usize, t: f64) -> bool {
+    *recording == of && sound.segments.iter().any(|(from, to)| t >= from - 1e-4 && t < *to)
+}
+
+/// Share of positions that are within sounds; `None` without positions.
 fn share(positions: &[SourcePosition], sounds: &[(usize, &ScoreSource)]) -> Option<f64> {
     let is_in = |p: &&SourcePosition| {
-        let t = f64::from(p.seconds);
-        let within = |(from, to): &(f64, f64)| t >= from - 1e-4 && t < *to;
-        sounds.iter().any(|(k, s)| *k == p.recording as usize && s.segments.iter().any(within))
+        sounds.iter().any(|sound| is_within(sound, p.recording as usize, f64::from(p.seconds)))
     };
     let count = positions.iter().filter(is_in).count();
     (!positions.is_empty()).then(|| count as f64 / positions.len() as f64)
 }
 
+/// The sounds of a score with their recordings.
+fn located<'a>(score: &'a SoundScore, tree: &WaveletTree) -> Vec<(usize, &'a ScoreSource)> {
+    let recording = |s: &ScoreSource| tree.find(s.recording.as_deref().unwrap_or_default());
+    score.sources.iter().map(|s| (recording(s).unwrap_or(usize::MAX), s)).collect()
+}
+
 impl SoundtrackReport {
     fn fill(&self, table: &mut ResultTable, score: &SoundScore, tree: &WaveletTree) -> f64 {
         let (mut weighted, mut total) = (0.0, 0.0);
-        let recording = |s: &ScoreSource| tree.find(s.recording.as_deref().unwrap_or_default());
-        let all: Vec<(usize, &ScoreSource)> =
-            score.sources.iter().map(|s| (recording(s).unwrap_or(usize::MAX), s)).collect();
+        let all = located(score, tree);
         for target in &score.targets {
             let points = &target.curve.points;
             let Some((first, last)) = target.curve.ends() else { continue };
@@ -112,21 +126,27 @@ impl SoundtrackReport {
         if total > 0.0 { weighted / total } else { 0.0 }
     }
 
-    fn charts(&self, score: Option<&SoundScore>, names: &[&str], runs: &[usize]) -> Vec<Chart> {
-        let stride = self.positions.len().div_ceil(POINTS).max(1);
-        let mut lines: Vec<Line> = Vec::new();
-        for (k, name) in names.iter().enumerate().take(8) {
-            let own =
-                self.positions.iter().enumerate().step_by(stride).filter(|(_, p)| p.recording as usize == k);
-            let points = own.map(|(n, p)| [n as f64 / self.rate, f64::from(p.seconds)]).collect();
-            lines.push(Line::dots(name.rsplit('/').next().unwrap_or(name), points));
-        }
+    fn charts(&self, score: Option<&SoundScore>, tree: &WaveletTree, runs: &[usize]) -> Vec<Chart> {
+        let short = |name: &str| name.rsplit('/').next().unwrap_or(name).to_owned();
+        let sounds = score.map_or_else(Vec::new, |score| located(score, tree));
+        let names: Vec<String> = sounds.iter().take(MAX_DRAWN).map(|(_, s)| s.name.clone()).collect();
+        let owner = |recording: usize, t: f64| {
+            sounds.iter().take(MAX_DRAWN).position(|sound| is_within(sound, recording, t))
+        };
         let time = ("time of the output, s", false);
-        let mut charts =
-            vec![Chart::of("where the sound comes from", time, ("time in the recording, s", false), lines)];
+        let mut charts = Vec::new();
         if let Some(score) = score {
+            for (k, source) in tree.sources.iter().enumerate().take(MAX_DRAWN) {
+                let mut audio = tree.audio(k, 0);
+                audio.truncate(source.frames as usize);
+                let mut wave = Waveform::new(audio.len());
+                wave.add(audio.into_iter());
+                let lines = wave.lines(tree.rate, &names, |t| owner(k, t));
+                let axis = ("time in the recording, s", false);
+                charts.push(Chart::of(short(&source.name), axis, ("amplitude", false), lines));
+            }
             let mut lines: Vec<Line> = Vec::new();
-            for (k, source) in score.sources.iter().enumerate().take(8) {
+            for (k, name) in names.iter().enumerate() {
                 let own = score.targets.iter().filter(|t| t.sources.contains(&k));
                 let mut points = Vec::new();
                 for target in own {
@@ -135,10 +155,44 @@ impl SoundtrackReport {
                     points.extend(curve.iter().map(|p| [p.0, p.1]));
                     points.extend(curve.last().map(|p| [p.0, 0.0]));
                 }
-                lines.push(Line::new(source.name.clone(), points));
+                lines.push(Line::new(name.clone(), points));
             }
+            // As many lines as the waveforms have, for the same colours.
+            lines.push(Line::new("other", Vec::new()));
             charts.push(Chart::of("score", time, ("weight", false), lines));
         }
+        if !self.wave.is_empty() {
+            // Of several sounds that a position is of, the one that is wanted then.
+            let of_time = |t: f64| {
+                let position = self.positions.get((t * self.rate) as usize)?;
+                let (recording, time) = (position.recording as usize, f64::from(position.seconds));
+                let is_wanted = |k: usize| {
+                    let targets = score.into_iter().flat_map(|score| &score.targets);
+                    let ends = targets.filter(|t| t.sources.contains(&k)).filter_map(|t| t.curve.ends());
+                    ends.into_iter().any(|(from, to)| from <= t && t < to)
+                };
+                let all = sounds.iter().take(MAX_DRAWN).enumerate();
+                let wanted =
+                    all.into_iter().find(|(k, sound)| is_within(sound, recording, time) && is_wanted(*k));
+                wanted.map(|(k, _)| k).or_else(|| owner(recording, time))
+            };
+            let lines = self.wave.lines(2.0 * self.rate, &names, of_time);
+            charts.push(Chart::of("output", time, ("amplitude", false), lines));
+        }
+        let stride = self.positions.len().div_ceil(POINTS).max(1);
+        let mut lines: Vec<Line> = Vec::new();
+        for (k, source) in tree.sources.iter().enumerate().take(MAX_DRAWN) {
+            let own =
+                self.positions.iter().enumerate().step_by(stride).filter(|(_, p)| p.recording as usize == k);
+            let points = own.map(|(n, p)| [n as f64 / self.rate, f64::from(p.seconds)]).collect();
+            lines.push(Line::dots(short(&source.name), points));
+        }
+        charts.push(Chart::of(
+            "where the sound comes from",
+            time,
+            ("time in the recording, s", false),
+            lines,
+        ));
         // The share of the time in stretches that are no longer than each.
         let mut sorted = runs.to_vec();
         sorted.sort_unstable();
@@ -180,6 +234,18 @@ impl Node for SoundtrackReport {
             let reject = Reject::new("F156", "the output is endless, or longer than a report is made of");
             return Err(reject.at("positions").help("give the TextureSynthesis a `duration`"));
         }
+        if let Some(audio) = s.optional(SoundtrackReportPorts::audio) {
+            let of_positions = audio.rate.divided_by(2);
+            if of_positions != Some(positions.rate) {
+                let message = format!(
+                    "the audio has {}, and its positions have {}, which is not half of it",
+                    audio.rate, positions.rate
+                );
+                return Err(Reject::new("F156", message)
+                    .at("audio")
+                    .help("link `audio` and `positions` of one TextureSynthesis"));
+            }
+        }
         s.ends(positions.end);
         Ok(())
     }
@@ -187,18 +253,23 @@ impl Node for SoundtrackReport {
     fn build(_: &SoundtrackReportParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let positions = cx.input(SoundtrackReportPorts::positions);
         let limit = positions.items().unwrap_or(0).clamp(0, MAX_POSITIONS) as usize;
-        Ok(Self { positions: Vec::with_capacity(limit), rate: positions.rate.as_f64(), limit })
+        let wave = Waveform::new(2 * limit);
+        Ok(Self { positions: Vec::with_capacity(limit), rate: positions.rate.as_f64(), limit, wave })
     }
 
     fn run(&mut self, io: SoundtrackReportIo<'_>) -> Result<(), Fault> {
         let items = io.positions.items();
         let left = self.limit - self.positions.len();
         self.positions.extend_from_slice(&items[..items.len().min(left)]);
+        if let Some(audio) = &io.audio {
+            let width = audio.width();
+            let frames = audio.items().chunks_exact(width);
+            self.wave.add(frames.map(|frame| frame.iter().sum::<f32>() / width as f32));
+        }
         Ok(())
     }
 
     fn finish(&mut self, mut io: SoundtrackReportIo<'_>) -> Result<Summary, Fault> {
-        let names: Vec<&str> = io.model.tree.sources.iter().map(|s| s.name.as_str()).collect();
         let mut table = ResultTable::new(&["sounds", "from_s", "to_s", "weight", "share"]);
         let mut runs = runs(&self.positions);
         let mut summary = Summary::new();
@@ -206,7 +277,7 @@ impl Node for SoundtrackReport {
             let share = self.fill(&mut table, score, &io.model.tree);
             summary.push(("satisfaction", share.into()));
         }
-        table.charts = self.charts(io.score, &names, &runs);
+        table.charts = self.charts(io.score, &io.model.tree, &runs);
         runs.sort_unstable();
         let seconds = |run: Option<&usize>| run.map_or(0.0, |run| *run as f64 / self.rate);
         let copied = 1.0 - runs.len() as f64 / self.positions.len().max(1) as f64;
@@ -220,7 +291,7 @@ impl Node for SoundtrackReport {
         Ok(summary)
     }
 
-    archive_state!(positions);
+    archive_state!(positions, wave);
 }
 
 #[cfg(test)]

@@ -1,18 +1,16 @@
 //! The synthesis of a texture, root by root.
 
 use super::choice::{Best, draw, probability};
-use super::classes::{Classes, source_value};
+use super::layer::{Layer, Mixed};
 use super::morph::{Morph, OverlapMode};
-use super::output::{NONE, OutputTree};
+use super::node_constraints::NodeConstraints;
+use super::output::NONE;
 use super::rules::{SynthesisCounts, SynthesisRules};
-use super::step::{Step, predecessor};
+use super::step::Step;
 use crate::core::random::Random;
 use crate::impl_state;
-use crate::soundtrack::score::constraints::SOFT;
-use crate::soundtrack::score::{Constraint, Constraints, NodeSet, Overlap, WeightStream};
+use crate::soundtrack::score::{Constraint, Constraints, NodeSet, WeightStream};
 use crate::soundtrack::wavelet::TextureModel;
-use std::collections::VecDeque;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Nodes of a set up to which each is looked at.
@@ -20,117 +18,6 @@ const FEW: usize = 64;
 
 /// The longest stretch is drawn for each root, between this share of it and the whole.
 const SHORTEST_RUN: f64 = 0.25;
-
-/// Nodes that were chosen lately.
-#[derive(Clone, Debug, Default)]
-struct Recent {
-    counts: Vec<u16>,
-    order: VecDeque<u32>,
-    limit: usize,
-}
-
-impl Recent {
-    fn add(&mut self, node: u32) {
-        if self.limit == 0 {
-            return;
-        }
-        if self.order.len() == self.limit
-            && let Some(old) = self.order.pop_front()
-        {
-            self.counts[old as usize] -= 1;
-        }
-        self.order.push_back(node);
-        self.counts[node as usize] = self.counts[node as usize].saturating_add(1);
-    }
-}
-
-/// One layer of an output. With [`OverlapMode::Winner`] there is one; otherwise there are two, which differ where two sounds overlap.
-#[derive(Clone, Debug)]
-struct Layer {
-    tree: OutputTree,
-    approximation: Vec<f32>,
-    classes: Classes,
-    recent: Vec<Recent>,
-}
-
-impl Layer {
-    fn new(model: &TextureModel, rules: &SynthesisRules) -> Self {
-        let tree = &model.tree;
-        let (depth, channels) = (tree.depth as usize, tree.channels);
-        let history = rules.predecessors.max(rules.root_predecessors).max(1);
-        let recent = |level: usize| {
-            let limit = (rules.memory * tree.rate / tree.span(level) as f64).ceil() as usize;
-            let is_used = rules.repetition < 1.0;
-            let counts = vec![0; if is_used { tree.nodes(level) } else { 0 }];
-            Recent { counts, order: VecDeque::new(), limit: if is_used { limit } else { 0 } }
-        };
-        Self {
-            tree: OutputTree::new(depth, channels, history),
-            approximation: vec![0.0; channels],
-            classes: Classes::new(depth, rules.candidates),
-            recent: (0..depth.max(2) - 1).map(recent).collect(),
-        }
-    }
-
-    /// Copies a node of the model.
-    fn copy(&mut self, model: &TextureModel, level: usize, node: usize, pick: u32) {
-        let before = self.tree.pick(level, node as isize - 1);
-        let goes_on = before != NONE && predecessor(model, level, pick, 1) == Some(before);
-        self.tree.set(level, node, source_value(model, level, pick), pick, goes_on);
-    }
-
-    /// The children of a node, or the root itself.
-    fn values(&self, level: usize, nodes: Range<usize>) -> &[f32] {
-        let channels = self.approximation.len();
-        &self.tree.current(level)[nodes.start * channels..nodes.end * channels]
-    }
-}
-
-/// The last root, mixed of both layers.
-#[derive(Clone, Debug)]
-struct Mixed {
-    morph: Morph,
-    details: Vec<Vec<f32>>,
-    approximation: Vec<f32>,
-    leaves: Vec<u32>,
-}
-
-impl Mixed {
-    fn new(morph: Morph, model: &TextureModel) -> Self {
-        let (depth, channels) = (model.tree.depth as usize, model.tree.channels);
-        Self {
-            morph,
-            details: (0..depth).map(|level| vec![0.0; channels << level]).collect(),
-            approximation: vec![0.0; channels],
-            leaves: vec![0; 1 << depth.saturating_sub(1)],
-        }
-    }
-
-    /// Mixes nodes of both layers.
-    fn fill(&mut self, layers: &[Layer], wanted: &NodeConstraints, level: usize, nodes: Range<usize>) {
-        let channels = self.approximation.len();
-        let [first, second] = layers else { return };
-        let own = nodes.start * channels..nodes.end * channels;
-        let (a, b) = (first.values(level, nodes.clone()), second.values(level, nodes.clone()));
-        let (lead, mixture) = match (wanted.share, wanted.own) {
-            (Some(share), [Some(a), Some(b)]) => {
-                let lead = usize::from(share < 0.5);
-                (&layers[lead], Some(self.morph.mixture(level, [a.set, b.set], share)))
-            }
-            _ => (&layers[wanted.lead], None),
-        };
-        let values = self.details[level][own].iter_mut();
-        match mixture {
-            Some(mixture) => values.zip(a.iter().zip(b)).for_each(|(out, (a, b))| *out = mixture.mix(*a, *b)),
-            None => values.zip(a).for_each(|(out, a)| *out = *a),
-        }
-        if level + 1 == self.details.len() {
-            for node in nodes {
-                self.leaves[node] = lead.tree.pick(level, node as isize);
-            }
-        }
-    }
-}
 
 /// A texture that grows root by root.
 ///
@@ -271,6 +158,39 @@ impl Synthesizer {
         }
     }
 
+    /// The candidates for a node of the last root, as if it had no constraint: those that match as many of its ancestors as any, and of these those
+    /// that match as many predecessors as any. `None` for a leaf, or if nothing matches.
+    pub fn candidates(&mut self, level: usize, node: usize) -> Option<(Vec<u32>, Best)> {
+        let root = self.next - 1;
+        let Self { model, constraints, rules, random, layers, has_masks, .. } = self;
+        let Layer { tree, classes, .. } = layers.first_mut()?;
+        if level + 2 > model.tree.depth as usize || node >= 1 << level {
+            return None;
+        }
+        let longest = longest_run(rules, random, root).map(|longest| longest * model.tree.rate);
+        let (is_root, forbidden, has_masks) = (false, &[][..], *has_masks);
+        let step =
+            Step { longest, model, constraints, rules, tree, level, node, is_root, forbidden, has_masks };
+        let best = step.best(classes, None, 0, |_| true)?;
+        let all = classes.get(model, tree, level, node, best.ancestors).to_vec();
+        Some((all, best))
+    }
+
+    /// The node of the model that a node of the last root was copied from.
+    #[must_use]
+    pub fn pick(&self, level: usize, node: usize) -> u32 {
+        self.layers[0].tree.pick(level, node as isize)
+    }
+
+    /// The first channel of a node, by its index from the beginning of the output, if it is of the last root or of the history before it.
+    #[must_use]
+    pub fn value(&self, level: usize, node: i64) -> Option<f32> {
+        let tree = &self.layers.first()?.tree;
+        let own = (node - ((self.next - 1) << level)) as isize;
+        let is_there = own < 1 << level && tree.pick(level, own) != NONE;
+        is_there.then(|| tree.value(level, own).first().copied())?
+    }
+
     fn wanted(
         &self,
         weights: Option<WeightStream<'_>>,
@@ -311,11 +231,7 @@ impl Synthesizer {
         let Self { model, constraints, rules, random, layers, counts, has_masks, .. } = self;
         let Layer { tree, classes, recent, .. } = &mut layers[layer];
         let (own, later, distance) = (wanted.own[layer], wanted.later[layer], wanted.distance);
-        // A fixed length would be heard as a rhythm.
-        let longest = rules.max_run.map(|longest| {
-            let share = SHORTEST_RUN + (1.0 - SHORTEST_RUN) * random.uniform(0, root as u64, 2);
-            longest * share * model.tree.rate
-        });
+        let longest = longest_run(rules, random, root).map(|longest| longest * model.tree.rate);
         let step = Step {
             longest,
             model,
@@ -399,97 +315,12 @@ impl Synthesizer {
     }
 }
 
-/// What holds for a node of the output.
-#[derive(Default)]
-struct NodeConstraints {
-    /// By layer.
-    own: [Option<Constraint>; 2],
-    /// What holds later by the look-ahead, which is `distance` nodes.
-    later: [Option<Constraint>; 2],
-    distance: u32,
-    /// The layer that is heard.
-    lead: usize,
-    /// If both are heard, the share of the first.
-    share: Option<f64>,
-    /// Sets that must not occur.
-    forbidden: Vec<usize>,
+/// The longest stretch below a root, s. A fixed length would be heard as a rhythm.
+fn longest_run(rules: &SynthesisRules, random: &Random, root: i64) -> Option<f64> {
+    let share = SHORTEST_RUN + (1.0 - SHORTEST_RUN) * random.uniform(0, root as u64, 2);
+    rules.max_run.map(|longest| longest * share)
 }
 
-impl NodeConstraints {
-    /// Those of a node with an index from the beginning of the output.
-    #[allow(clippy::too_many_arguments)]
-    fn at(
-        model: &TextureModel,
-        constraints: &Constraints,
-        weights: Option<WeightStream<'_>>,
-        rules: &SynthesisRules,
-        end: Option<f64>,
-        level: usize,
-        node: i64,
-        morphs: bool,
-    ) -> Self {
-        let mut wanted = Self::default();
-        if constraints.is_empty() && weights.is_none() {
-            return wanted;
-        }
-        let span = model.tree.span(level) as i64;
-        // The times of samples, as nearest to what a score says.
-        let time = |sample: i64| sample as f64 / model.tree.rate;
-        let samples = end.map(|end| (end * model.tree.rate) as i64);
-        // What follows the end has the constraints of the end; a stream of weights goes on by itself.
-        let in_score = |from: i64| samples.map_or(from, |samples| from.min((samples - span).max(0)));
-        let overlap = |from: i64, mut forbidden: Option<&mut Vec<usize>>| {
-            let scored = in_score(from);
-            let mut found = constraints.at(time(scored), time(scored + span), forbidden.as_deref_mut());
-            if let Some(weights) = weights {
-                weights.add(time(from), time(from + span), &mut found, forbidden);
-            }
-            found
-        };
-        let from = (node * span).max(0);
-        wanted.distance = (rules.look_ahead * model.tree.rate / span as f64).round() as u32;
-        let ahead = from + i64::from(wanted.distance) * span;
-        let now = overlap(from, Some(&mut wanted.forbidden));
-        let is_prepared = wanted.distance > 0 && samples.is_none_or(|samples| ahead < samples);
-        let later = if is_prepared { overlap(ahead, None) } else { Overlap::default() };
-        wanted.own = match now.both().filter(|_| morphs) {
-            Some(both) => {
-                let (own, share) = layered(both);
-                wanted.share = Some(share);
-                own.map(Some)
-            }
-            None => {
-                let greatest = now.greatest();
-                wanted.lead = greatest.filter(|_| morphs).map_or(0, |c| c.layer);
-                [greatest; 2]
-            }
-        };
-        let later = match later.both().filter(|_| wanted.share.is_some()) {
-            Some(both) => layered(both).0.map(Some),
-            None => [later.greatest(); 2],
-        };
-        for (out, (own, later)) in wanted.later.iter_mut().zip(wanted.own.iter().zip(later)) {
-            // A sound that is wanted already needs no preparation.
-            *out = later.filter(|later| own.is_none_or(|own| own.set != later.set));
-        }
-        wanted
-    }
-}
-
-/// Two inclusions by layer, and the share of the first layer. In its layer each has the weight of both.
-pub(super) fn layered([first, second]: [Constraint; 2]) -> ([Constraint; 2], f64) {
-    let sum = first.weight + second.weight;
-    let is_hard = sum >= SOFT;
-    let weight = if is_hard { 1.0 } else { sum };
-    let both = [first, second].map(|c| Constraint { weight, is_hard, ..c });
-    match first.layer {
-        0 => (both, first.weight / sum),
-        _ => ([both[1], both[0]], second.weight / sum),
-    }
-}
-
-impl_state!(Recent { counts, order });
-impl_state!(Layer { tree, approximation, each recent });
 impl_state!(Synthesizer { next, each layers, counts });
 
 #[cfg(test)]

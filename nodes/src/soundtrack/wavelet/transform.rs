@@ -76,53 +76,85 @@ impl<T: FftNum> FilterBank<T> {
     #[must_use]
     pub fn analyse(&self, x: &[T]) -> (Vec<T>, Vec<T>) {
         let n = x.len() / 2;
-        let pad = self.analysis[0][0].taps.len() + 1;
-        let phases = [0, 1].map(|p| {
-            let at = |k: isize| x[2 * k.rem_euclid(n.max(1) as isize) as usize + p];
-            let mut out = Vec::with_capacity(n + 2 * pad);
-            out.extend((-(pad as isize)..0).map(at));
-            out.extend(x.chunks_exact(2).map(|pair| pair[p]));
-            out.extend((n as isize..(n + pad) as isize).map(at));
-            out
-        });
-        let [low, high] = self.analysis.each_ref().map(|filter| {
-            let mut out = vec![T::zero(); n];
-            for phase in filter {
-                let from = (pad as isize + phase.first) as usize;
-                correlate(&phase.taps, &phases[phase.parity][from..], &mut out);
-            }
-            out
-        });
+        let (mut low, mut high) = (vec![T::zero(); n], vec![T::zero(); n]);
+        self.analyse_into(x, [&mut low, &mut high]);
         (low, high)
+    }
+
+    /// As [`Self::analyse`], into zeros of half the length of `x`. It goes block by block, so that all but `x` and the result stays in the cache.
+    fn analyse_into(&self, x: &[T], [low, high]: [&mut [T]; 2]) {
+        let n = x.len() / 2;
+        let pad = self.analysis[0][0].taps.len() + 1;
+        let mut phases = [0, 1].map(|_| Vec::with_capacity(BLOCK + 2 * pad));
+        for start in (0..n).step_by(BLOCK) {
+            let end = (start + BLOCK).min(n);
+            for (p, phase) in phases.iter_mut().enumerate() {
+                phase.clear();
+                if start >= pad && end + pad <= n {
+                    phase.extend(x[2 * (start - pad)..2 * (end + pad)].chunks_exact(2).map(|pair| pair[p]));
+                } else {
+                    let at = |k: isize| x[2 * k.rem_euclid(n as isize) as usize + p];
+                    phase.extend((start as isize - pad as isize..(end + pad) as isize).map(at));
+                }
+            }
+            for (filter, out) in self.analysis.iter().zip([&mut *low, &mut *high]) {
+                for phase in filter {
+                    let from = (pad as isize + phase.first) as usize;
+                    correlate(&phase.taps, &phases[phase.parity][from..], &mut out[start..end]);
+                }
+            }
+        }
     }
 
     /// One step of the periodic synthesis, of an approximation and a detail of equal lengths.
     #[must_use]
     pub fn synthesise(&self, low: &[T], high: &[T]) -> Vec<T> {
-        let n = low.len();
-        let padded = [low, high].map(|x| {
-            let at = |k: isize| x[k.rem_euclid(n.max(1) as isize) as usize];
-            let (behind, end) = (self.behind as isize, (n + self.ahead) as isize);
-            (-behind..0).map(at).chain(x.iter().copied()).chain((n as isize..end).map(at)).collect::<Vec<T>>()
-        });
-        let mut out = Vec::with_capacity(2 * n);
-        self.interleave([&padded[0], &padded[1]], n, &mut out);
+        let mut out = Vec::with_capacity(2 * low.len());
+        self.synthesise_into(low, high, &mut out);
         out
+    }
+
+    /// As [`Self::synthesise`], appended to `out`.
+    fn synthesise_into(&self, low: &[T], high: &[T], out: &mut Vec<T>) {
+        let n = low.len();
+        let mut padded = [Vec::new(), Vec::new()];
+        for start in (0..n).step_by(BLOCK) {
+            let end = (start + BLOCK).min(n);
+            if start >= self.behind && end + self.ahead <= n {
+                let own = start - self.behind..end + self.ahead;
+                self.interleave([&low[own.clone()], &high[own]], end - start, out);
+                continue;
+            }
+            for (padded, x) in padded.iter_mut().zip([low, high]) {
+                let at = |k: isize| x[k.rem_euclid(n as isize) as usize];
+                let first = start as isize - self.behind as isize;
+                padded.clear();
+                padded.extend((first..(end + self.ahead) as isize).map(at));
+            }
+            self.interleave([&padded[0], &padded[1]], end - start, out);
+        }
     }
 
     /// Appends `2 n` samples, from inputs that begin `behind` items before those at which the samples are.
     fn interleave(&self, inputs: [&[T]; 2], n: usize, out: &mut Vec<T>) {
-        let mut phases = [vec![T::zero(); n], vec![T::zero(); n]];
-        for (filter, input) in self.synthesis.iter().zip(inputs) {
-            for phase in filter {
-                let from = (self.behind as isize + phase.first) as usize;
-                correlate(&phase.taps, &input[from..], &mut phases[phase.parity]);
+        let mut phases = [[T::zero(); BLOCK]; 2];
+        for start in (0..n).step_by(BLOCK) {
+            let count = BLOCK.min(n - start);
+            phases.iter_mut().for_each(|phase| phase[..count].fill(T::zero()));
+            for (filter, input) in self.synthesis.iter().zip(inputs) {
+                for phase in filter {
+                    let from = start + (self.behind as isize + phase.first) as usize;
+                    correlate(&phase.taps, &input[from..], &mut phases[phase.parity][..count]);
+                }
             }
+            let [even, odd] = &phases;
+            out.extend(even[..count].iter().zip(&odd[..count]).flat_map(|(a, b)| [*a, *b]));
         }
-        let [even, odd] = &phases;
-        out.extend(even.iter().zip(odd).flat_map(|(a, b)| [*a, *b]));
     }
 }
+
+/// Items of a block.
+const BLOCK: usize = 512;
 
 /// Adds to `out[n]` the sum over `k` of `taps[k] x[n + k]`.
 fn correlate<T: FftNum>(taps: &[T], x: &[T], out: &mut [T]) {
@@ -169,13 +201,25 @@ pub struct Coefficients<T> {
 #[must_use]
 pub fn forward<T: FftNum>(wavelet: Wavelet, depth: u32, x: &[T]) -> Coefficients<T> {
     let bank = FilterBank::new(wavelet);
-    let mut approximation = x[..x.len() >> depth << depth].to_vec();
+    let x = &x[..x.len() >> depth << depth];
+    if depth == 0 {
+        return Coefficients { approximation: x.to_vec(), details: Vec::new() };
+    }
     let mut details = Vec::with_capacity(depth as usize);
-    for _ in 0..depth {
-        let (low, high) = bank.analyse(&approximation);
-        approximation = low;
+    let (mut approximation, first) = bank.analyse(x);
+    details.push(first);
+    // The approximations take turns in two buffers.
+    let mut next = Vec::with_capacity(approximation.len() / 2);
+    for _ in 1..depth {
+        let n = approximation.len() / 2;
+        let mut high = vec![T::zero(); n];
+        next.clear();
+        next.resize(n, T::zero());
+        bank.analyse_into(&approximation, [&mut next, &mut high]);
+        std::mem::swap(&mut approximation, &mut next);
         details.push(high);
     }
+    approximation.shrink_to_fit();
     details.reverse();
     Coefficients { approximation, details }
 }
@@ -184,9 +228,15 @@ pub fn forward<T: FftNum>(wavelet: Wavelet, depth: u32, x: &[T]) -> Coefficients
 #[must_use]
 pub fn inverse<T: FftNum>(wavelet: Wavelet, coefficients: &Coefficients<T>) -> Vec<T> {
     let bank = FilterBank::new(wavelet);
-    let mut x = coefficients.approximation.clone();
+    let length = coefficients.approximation.len() << coefficients.details.len();
+    let mut x = Vec::with_capacity(length);
+    x.extend_from_slice(&coefficients.approximation);
+    // The approximations take turns in two buffers.
+    let mut next = Vec::with_capacity(length);
     for detail in &coefficients.details {
-        x = bank.synthesise(&x, detail);
+        next.clear();
+        bank.synthesise_into(&x, detail, &mut next);
+        std::mem::swap(&mut x, &mut next);
     }
     x
 }

@@ -73,6 +73,18 @@ fn bounds_leave_nothing_out() {
         assert!(slow.len() > 3, "seed {seed}: {}", slow.len());
         let best = best_matches(&curve, &curve, interval, rules, &unmonitored).unwrap();
         assert_eq!(best, most_similar(fast.clone()), "seed {seed}");
+        for count in [1, 3] {
+            let few = QueryRules { count: Some(count), ..rules };
+            let mut expected = best.clone();
+            expected.sort_by(|a, b| b.similarity.total_cmp(&a.similarity));
+            expected.truncate(count);
+            expected.sort_by(|a, b| a.from.total_cmp(&b.from));
+            assert_eq!(
+                best_matches(&curve, &curve, interval, few, &unmonitored).unwrap(),
+                expected,
+                "seed {seed}"
+            );
+        }
         // At the threshold rounding decides.
         let sure = |all: &[MotionMatch]| {
             all.iter().filter(|m| m.similarity > 0.3505).map(|m| (m.from, m.to)).collect::<Vec<_>>()

@@ -15,7 +15,7 @@ fn model() -> Arc<TextureModel> {
     let mut last = 0.0;
     let a = (0..8192).map(|_| rng.between(-0.5, 0.5) as f32).collect();
     let b = (0..8192).map(|k: u32| {
-        last = 0.8 * last + rng.between(-0.1, 0.1) * if k / 13 % 5 == 0 { 3.0 } else { 0.5 };
+        last = 0.8 * last + rng.between(-0.1, 0.1) * if (k / 13).is_multiple_of(5) { 3.0 } else { 0.5 };
         last as f32
     });
     let recording = |name: &str, channel| TreeRecording {
@@ -133,10 +133,10 @@ fn ramps_that_cross_go_from_one_sound_to_the_other() {
 fn weights_that_make_up_one_are_hard_together() {
     let c =
         |weight, layer| crate::soundtrack::score::Constraint { set: layer, weight, is_hard: false, layer };
-    let (both, share) = super::super::synthesizer::layered([c(0.6, 1), c(0.4, 0)]);
+    let (both, share) = super::super::node_constraints::layered([c(0.6, 1), c(0.4, 0)]);
     assert!((share - 0.4).abs() < 1e-12 && both.iter().all(|c| c.is_hard && c.weight == 1.0));
     assert_eq!(both.map(|c| c.set), [0, 1]);
-    let (both, share) = super::super::synthesizer::layered([c(0.3, 0), c(0.1, 0)]);
+    let (both, share) = super::super::node_constraints::layered([c(0.3, 0), c(0.1, 0)]);
     assert!(
         (share - 0.75).abs() < 1e-12 && both.iter().all(|c| !c.is_hard && (c.weight - 0.4).abs() < 1e-12)
     );

@@ -1,6 +1,7 @@
 use super::super::choice::is_discarded;
+use super::super::classes::source_value;
 use super::super::rules::PredecessorCount;
-use super::super::step::APPROXIMATE_ANCESTORS;
+use super::super::step::{APPROXIMATE_ANCESTORS, predecessor};
 use super::*;
 use crate::core::random::Rng;
 use crate::soundtrack::score::read_score;

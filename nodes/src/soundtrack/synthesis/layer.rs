@@ -1,0 +1,137 @@
+//! Layers of an output, and their mixture.
+
+use super::classes::{Classes, source_value};
+use super::morph::Morph;
+use super::node_constraints::NodeConstraints;
+use super::output::{NONE, OutputTree};
+use super::rules::SynthesisRules;
+use super::step::predecessor;
+use crate::impl_state;
+use crate::soundtrack::wavelet::TextureModel;
+use std::collections::VecDeque;
+use std::ops::Range;
+
+/// Nodes that were chosen lately.
+#[derive(Clone, Debug, Default)]
+pub struct Recent {
+    /// How often each node was chosen.
+    pub counts: Vec<u16>,
+    order: VecDeque<u32>,
+    limit: usize,
+}
+
+impl Recent {
+    /// Adds one, and forgets the oldest if there are too many.
+    pub fn add(&mut self, node: u32) {
+        if self.limit == 0 {
+            return;
+        }
+        if self.order.len() == self.limit
+            && let Some(old) = self.order.pop_front()
+        {
+            self.counts[old as usize] -= 1;
+        }
+        self.order.push_back(node);
+        self.counts[node as usize] = self.counts[node as usize].saturating_add(1);
+    }
+}
+
+/// One layer of an output. With [`OverlapMode::Winner`](super::OverlapMode) there is one; otherwise there are two, which differ where two sounds overlap.
+#[derive(Clone, Debug)]
+pub struct Layer {
+    /// The nodes.
+    pub tree: OutputTree,
+    /// The approximation of the current root by channel.
+    pub approximation: Vec<f32>,
+    /// The candidates of the current root.
+    pub classes: Classes,
+    /// What was chosen lately, by level.
+    pub recent: Vec<Recent>,
+}
+
+impl Layer {
+    /// Before the first root.
+    pub fn new(model: &TextureModel, rules: &SynthesisRules) -> Self {
+        let tree = &model.tree;
+        let (depth, channels) = (tree.depth as usize, tree.channels);
+        let history = rules.predecessors.max(rules.root_predecessors).max(1);
+        let recent = |level: usize| {
+            let limit = (rules.memory * tree.rate / tree.span(level) as f64).ceil() as usize;
+            let is_used = rules.repetition < 1.0;
+            let counts = vec![0; if is_used { tree.nodes(level) } else { 0 }];
+            Recent { counts, order: VecDeque::new(), limit: if is_used { limit } else { 0 } }
+        };
+        Self {
+            tree: OutputTree::new(depth, channels, history),
+            approximation: vec![0.0; channels],
+            classes: Classes::new(depth, rules.candidates),
+            recent: (0..depth.max(2) - 1).map(recent).collect(),
+        }
+    }
+
+    /// Copies a node of the model.
+    pub fn copy(&mut self, model: &TextureModel, level: usize, node: usize, pick: u32) {
+        let before = self.tree.pick(level, node as isize - 1);
+        let goes_on = before != NONE && predecessor(model, level, pick, 1) == Some(before);
+        self.tree.set(level, node, source_value(model, level, pick), pick, goes_on);
+    }
+
+    /// The values of nodes.
+    fn values(&self, level: usize, nodes: Range<usize>) -> &[f32] {
+        let channels = self.approximation.len();
+        &self.tree.current(level)[nodes.start * channels..nodes.end * channels]
+    }
+}
+
+/// The last root, mixed of both layers.
+#[derive(Clone, Debug)]
+pub struct Mixed {
+    morph: Morph,
+    /// Details by level.
+    pub details: Vec<Vec<f32>>,
+    /// The approximation by channel.
+    pub approximation: Vec<f32>,
+    /// The leaves of the layer of the greater share.
+    pub leaves: Vec<u32>,
+}
+
+impl Mixed {
+    /// Before the first root.
+    pub fn new(morph: Morph, model: &TextureModel) -> Self {
+        let (depth, channels) = (model.tree.depth as usize, model.tree.channels);
+        Self {
+            morph,
+            details: (0..depth).map(|level| vec![0.0; channels << level]).collect(),
+            approximation: vec![0.0; channels],
+            leaves: vec![0; 1 << depth.saturating_sub(1)],
+        }
+    }
+
+    /// Mixes nodes of both layers.
+    pub fn fill(&mut self, layers: &[Layer], wanted: &NodeConstraints, level: usize, nodes: Range<usize>) {
+        let channels = self.approximation.len();
+        let [first, second] = layers else { return };
+        let own = nodes.start * channels..nodes.end * channels;
+        let (a, b) = (first.values(level, nodes.clone()), second.values(level, nodes.clone()));
+        let (lead, mixture) = match (wanted.share, wanted.own) {
+            (Some(share), [Some(a), Some(b)]) => {
+                let lead = usize::from(share < 0.5);
+                (&layers[lead], Some(self.morph.mixture(level, [a.set, b.set], share)))
+            }
+            _ => (&layers[wanted.lead], None),
+        };
+        let values = self.details[level][own].iter_mut();
+        match mixture {
+            Some(mixture) => values.zip(a.iter().zip(b)).for_each(|(out, (a, b))| *out = mixture.mix(*a, *b)),
+            None => values.zip(a).for_each(|(out, a)| *out = *a),
+        }
+        if level + 1 == self.details.len() {
+            for node in nodes {
+                self.leaves[node] = lead.tree.pick(level, node as isize);
+            }
+        }
+    }
+}
+
+impl_state!(Recent { counts, order });
+impl_state!(Layer { tree, approximation, each recent });

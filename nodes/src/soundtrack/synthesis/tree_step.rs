@@ -1,0 +1,222 @@
+//! The node `TreeStep`.
+
+use super::rules::SynthesisRules;
+use super::synthesizer::Synthesizer;
+use crate::core::fault::Fault;
+use crate::core::files::MemoryFiles;
+use crate::core::node::{Func, Summary};
+use crate::core::params::Params;
+use crate::core::ports::Value;
+use crate::core::random::Rng;
+use crate::core::shape::Build;
+use crate::plot::{Axis, Chart, Line};
+use crate::soundtrack::wavelet::{TextureModel, WaveletTree};
+use crate::table::{Cell, ResultTable};
+use crate::{params, ports};
+use std::sync::Arc;
+
+params! {
+    /// Shows one step of the synthesis of a texture: how the children of a node of the output are chosen.
+    ///
+    /// `table` has a row for each node that counts: in the output the node, its ancestors, predecessors and children; in the recordings the candidates
+    /// that match most ancestors, of these those that match most predecessors, the one that was drawn with its ancestors and predecessors, and its
+    /// children, which become those of the node. Tapped as SVG it draws both trees over time.
+    ///
+    /// # Randomness
+    /// As in `TextureSynthesis` without a score.
+    ///
+    /// # Source
+    /// Figure 2 of Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003).
+    pub struct TreeStepParams {
+        /// Time of the node in the output.
+        time: f64 = 2.0, unit "s", range 0.0..=600.0;
+        /// Level of the node, 0 for a root.
+        level: usize = 4, unit "", range 0..=30;
+        /// Number of predecessors that are compared.
+        predecessors: usize = 5, unit "", range 0..=64;
+    }
+}
+ports! {
+    pub struct TreeStepPorts / TreeStepIo {
+        in {
+            /// The model.
+            model: Value<TextureModel>,
+        }
+        out {
+            /// The nodes that count.
+            table: Value<ResultTable>,
+        }
+    }
+}
+
+/// Most candidates that are listed.
+const MAX_LISTED: usize = 10_000;
+
+/// Nodes of one role in one tree.
+struct Role {
+    tree: &'static str,
+    name: &'static str,
+    /// Levels and nodes.
+    nodes: Vec<(usize, i64)>,
+}
+
+/// Time of the middle of a node from the start of its recording, or of the output, s.
+fn middle(tree: &WaveletTree, first: i64, level: usize, node: i64) -> f64 {
+    ((node - (first << level)) as f64 + 0.5) * tree.span(level) as f64 / tree.rate
+}
+
+fn ancestors(level: usize, node: i64) -> Vec<(usize, i64)> {
+    (1..=level).map(|up| (level - up, node >> up)).collect()
+}
+
+fn children(level: usize, node: i64) -> Vec<(usize, i64)> {
+    vec![(level + 1, 2 * node), (level + 1, 2 * node + 1)]
+}
+
+/// The roles of the nodes of a step in the output, whose node is `node`, and in the recordings.
+fn roles(s: &mut Synthesizer, p: &TreeStepParams, node: i64) -> Option<Vec<Role>> {
+    let level = p.level;
+    let within = node as usize & ((1 << level) - 1);
+    let (all, best) = s.candidates(level, within)?;
+    let drawn = i64::from(s.pick(level + 1, 2 * within) / 2);
+    let before =
+        |node: i64| (1..=p.predecessors as i64).map(move |j| (level, node - j)).filter(|(_, n)| *n >= 0);
+    let listed = |nodes: &[u32]| nodes.iter().take(MAX_LISTED).map(|m| (level, i64::from(*m))).collect();
+    let role = |tree, name, nodes| Role { tree, name, nodes };
+    Some(vec![
+        role("output", "ancestors", ancestors(level, node)),
+        role("output", "predecessors", before(node).collect()),
+        role("output", "node", vec![(level, node)]),
+        role("output", "children", children(level, node)),
+        role("recording", "by ancestors", listed(&all)),
+        role("recording", "by predecessors", listed(&best.nodes)),
+        role("recording", "its ancestors", ancestors(level, drawn)),
+        role("recording", "its predecessors", before(drawn).collect()),
+        role("recording", "drawn", vec![(level, drawn)]),
+        role("recording", "its children", children(level, drawn)),
+    ])
+}
+
+/// The node over [`Synthesizer::candidates`].
+#[derive(Debug)]
+pub struct TreeStep;
+
+impl Func for TreeStep {
+    type Params = TreeStepParams;
+    type Ports = TreeStepPorts;
+    const NAME: &'static str = "TreeStep";
+
+    fn eval(p: &TreeStepParams, cx: &Build<'_>, mut io: TreeStepIo<'_>) -> Result<Summary, Fault> {
+        let model = cx.value(TreeStepPorts::model);
+        let tree = &model.tree;
+        let deepest = (tree.depth as usize).saturating_sub(2);
+        if p.level > deepest {
+            let message =
+                format!("`level` is {}, and the children of level {deepest} are the leaves", p.level);
+            return Err(Fault::new("F155", message)
+                .at("level")
+                .help(format!("give a level up to {deepest}")));
+        }
+        let rules = SynthesisRules { predecessors: p.predecessors, ..SynthesisRules::default() };
+        let reach = tree.wavelet.reach() as i64 + 1;
+        let mut s = Synthesizer::new(Arc::clone(&model), Arc::default(), rules, cx.random, -reach, None);
+        let sample = (p.time * tree.rate) as i64;
+        let last = sample >> tree.depth;
+        for root in -reach..=last {
+            if (cx.monitor)((root + reach) as f64 / (last + reach + 1) as f64) {
+                return Err(Fault::stopped());
+            }
+            s.advance(None);
+        }
+        let node = sample / tree.span(p.level) as i64;
+        let roles = roles(&mut s, p, node).unwrap_or_default();
+        let mut table = ResultTable::new(&["tree", "role", "level", "node", "time_s", "value"]);
+        let mut lines: [Vec<Line>; 2] = [Vec::new(), Vec::new()];
+        for role in &roles {
+            let is_output = role.tree == "output";
+            let mut points = Vec::with_capacity(role.nodes.len());
+            for (level, node) in &role.nodes {
+                let source = tree.sources.get(tree.source_of((*node >> level) as u32));
+                let first = if is_output { 0 } else { source.map_or(0, |s| i64::from(s.first)) };
+                let time = middle(tree, first, *level, *node);
+                let value = match is_output {
+                    true => s.value(*level, *node),
+                    false => tree.details[*level].get(*node as usize * tree.channels).copied(),
+                };
+                let name = match source.filter(|_| !is_output) {
+                    Some(source) => Cell::from(source.name.as_str()),
+                    None => Cell::from("output"),
+                };
+                table.push([
+                    name,
+                    role.name.into(),
+                    (*level).into(),
+                    (*node as f64).into(),
+                    time.into(),
+                    value.map(f64::from).into(),
+                ]);
+                points.push([time, tree.span(*level) as f64 / tree.rate]);
+            }
+            let is_path = role.name.ends_with("ancestors") && role.name != "by ancestors";
+            let line = if is_path { Line::new(role.name, points) } else { Line::dots(role.name, points) };
+            lines[usize::from(!is_output)].push(line);
+        }
+        for (title, lines) in ["output", "recordings"].into_iter().zip(lines) {
+            let mut chart = Chart::of(title, ("time, s", false), ("span of a node, s", true), lines);
+            chart.y = Axis {
+                range: [tree.span(p.level + 1) as f64 / tree.rate / 1.5, chart.y.range[1]],
+                ..chart.y
+            };
+            table.charts.push(chart);
+        }
+        let count = |k: usize| roles.get(k).map_or(0, |role| role.nodes.len());
+        io.table.set(table);
+        Ok(vec![("match_ancestors", count(4).into()), ("match_predecessors", count(5).into())])
+    }
+
+    fn trial(rng: &mut Rng) -> (TreeStepParams, MemoryFiles) {
+        let p =
+            TreeStepParams { time: rng.between(0.0, 0.5), level: rng.below(4), ..TreeStepParams::trial(rng) };
+        (p, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::item::Data;
+    use crate::core::standalone::Standalone;
+
+    fn table(p: TreeStepParams) -> Result<ResultTable, Fault> {
+        let run = Standalone::func::<TreeStep>(p)
+            .value(TreeStepPorts::model, TextureModel::trial(&mut Rng::new(3)))
+            .run()?;
+        Ok(run.value(0).unwrap().get::<ResultTable>().unwrap().clone())
+    }
+
+    #[test]
+    fn the_children_are_those_of_a_candidate() {
+        let p = TreeStepParams { time: 0.3, level: 3, ..TreeStepParams::read(&|_| None).unwrap() };
+        let found = table(p).unwrap();
+        let rows = |role: &str| -> Vec<(f64, f64)> {
+            let own = found.rows.iter().filter(|row| row[1].text() == role);
+            own.map(|row| (row[3].text().parse().unwrap(), row[5].text().parse().unwrap())).collect()
+        };
+        let (all, best) = (rows("by ancestors"), rows("by predecessors"));
+        let drawn = rows("drawn")[0];
+        assert!(
+            best.iter().all(|one| all.contains(one)) && best.contains(&drawn),
+            "{all:?} {best:?} {drawn:?}"
+        );
+        let (children, copied) = (rows("children"), rows("its children"));
+        assert_eq!(
+            children.iter().map(|c| c.1).collect::<Vec<_>>(),
+            copied.iter().map(|c| c.1).collect::<Vec<_>>()
+        );
+        assert_eq!(copied[0].0, 2.0 * drawn.0);
+        assert_eq!((rows("ancestors").len(), rows("predecessors").len()), (3, 5));
+        assert!(found.plot().unwrap().matches("<circle").count() > 20);
+        let leaf = TreeStepParams { level: 30, ..TreeStepParams::read(&|_| None).unwrap() };
+        assert_eq!(table(leaf).unwrap_err().field.as_deref(), Some("level"));
+    }
+}
