@@ -132,6 +132,7 @@ use crate::soundtrack::wavelet::texture_model_file::TextureModelFile;
 use crate::soundtrack::wavelet::wavelet_tree::WaveletTreeNode;
 use crate::spatial::hrtf::structural_hrtf::StructuralHrtf;
 use crate::spatial::motion::bvh_pose::BvhPose;
+use crate::spatial::motion::object_pose::ObjectPose;
 use crate::spatial::motion::orbit::Orbit;
 use crate::spatial::motion::pose_file::PoseFile;
 use crate::spatial::motion::vertex_pose::VertexPose;
@@ -462,6 +463,7 @@ impl Registry {
             .with::<DistanceGain>()
             .with::<Occlusion>()
             .with::<BvhPose>()
+            .with::<ObjectPose>()
             .with::<Orbit>()
             .with::<PoseFile>()
             .with_each::<VertexPose>()

@@ -92,6 +92,32 @@ pub enum MeshError {
         /// The existing names.
         available: Vec<String>,
     },
+    /// Not exactly one object has the wanted name.
+    #[error("there is no single object `{wanted}`; the file has: {}", list_of(MAX_OBJECTS, .available))]
+    NoSuchObject {
+        /// The wanted name.
+        wanted: String,
+        /// The existing names.
+        available: Vec<String>,
+    },
+    /// No object was named, and not exactly one is animated.
+    #[error("{animated} objects are animated; name one object: {}", list_of(MAX_OBJECTS, .available))]
+    AmbiguousObject {
+        /// Number of animated objects.
+        animated: usize,
+        /// Names of the animated objects, or of all if none is animated.
+        available: Vec<String>,
+    },
+    /// A transform has an element that is NaN or infinite.
+    #[error("the transform of `{object}` is not finite in frame {frame}, at {time} s")]
+    TransformNotFinite {
+        /// Name of the object.
+        object: String,
+        /// Index of the frame.
+        frame: usize,
+        /// Time of the frame in seconds.
+        time: f64,
+    },
     /// The mesh has no vertices, faces or frames.
     #[error(
         "the mesh `{mesh}` is empty: it has {vertices} vertices, {faces} faces and {frames} frames; each must be at least 1"
@@ -204,15 +230,22 @@ pub enum MeshError {
     },
 }
 
+/// Maximum number of objects in an error message: the joints of a skeleton.
+const MAX_OBJECTS: usize = 40;
+
 /// Names for an error message: at most twelve, then the number of the others.
 fn list(names: &[String]) -> String {
-    const MAX_NAMES: usize = 12;
+    list_of(12, names)
+}
+
+/// Names for an error message: at most `max`, then the number of the others.
+fn list_of(max: usize, names: &[String]) -> String {
     if names.is_empty() {
         return "none".to_owned();
     }
-    let mut text = names.iter().take(MAX_NAMES).cloned().collect::<Vec<_>>().join(", ");
-    if names.len() > MAX_NAMES {
-        text.push_str(&format!(" and {} more", names.len() - MAX_NAMES));
+    let mut text = names.iter().take(max).cloned().collect::<Vec<_>>().join(", ");
+    if names.len() > max {
+        text.push_str(&format!(" and {} more", names.len() - max));
     }
     text
 }

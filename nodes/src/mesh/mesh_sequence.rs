@@ -1,15 +1,15 @@
 //! The node `MeshSequence`: animated meshes from files as a source of motion.
 
-use std::io::{Read, SeekFrom};
 use std::path::Path;
 use std::sync::Arc;
 
+use super::animation_file::{Assets, Format, Span, gltf_selection, output_rate, read_gltf, reject};
 use super::{
-    FrameReader, FrameSampler, Materials, Mesh, MeshError, MeshFormat, MeshStream, ObjMesh, OpenFrame,
-    ReadOptions, Topology, UpAxis, alembic, gltf, nominal_rate, open_mdd, open_obj_sequence, open_pc2,
+    FrameReader, FrameSampler, Materials, Mesh, MeshError, MeshFormat, MeshStream, ObjMesh, ReadOptions,
+    Topology, UpAxis, alembic, gltf, open_mdd, open_obj_sequence, open_pc2,
 };
 use crate::core::fault::{Fault, Reject};
-use crate::core::files::{Files, MemoryFiles, ReadSeek};
+use crate::core::files::MemoryFiles;
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{AssetPath, Text};
 use crate::core::ports::Stream;
@@ -43,8 +43,8 @@ params! {
         /// OBJ with the faces and the rest pose of a PC2 or MDD; the other formats contain them. None reads the OBJ of the
         /// same name in the same folder: `x.obj` for `x.pc2`.
         base: Option<AssetPath> = None;
-        /// Name of the mesh in the file: an Alembic path, a glTF node or mesh, an OBJ object or group. None selects the
-        /// mesh with the most vertices, and all faces of an OBJ.
+        /// Name of the mesh in the file: an Alembic path or the end of one, a glTF node or mesh, an OBJ object or group. None
+        /// selects the mesh with the most vertices, and all faces of an OBJ.
         object: Option<Text> = None;
         /// Name of the animation of a glTF; None for the first.
         animation: Option<Text> = None;
@@ -84,126 +84,13 @@ pub struct MeshSequence {
     start: f64,
 }
 
-/// Access to files that `shape` and `build` have in common.
-trait Assets {
-    fn open(&mut self, field: &str, path: &str) -> Result<Box<dyn ReadSeek>, Reject>;
-    fn sequence(&mut self, path: &str) -> Result<Vec<String>, Reject>;
-    /// Opens the files of a sequence by frame; in `shape` only the first one.
-    fn frames(&mut self, paths: Vec<String>) -> Result<OpenFrame, Reject>;
-
-    fn bytes(&mut self, field: &str, path: &str) -> Result<Vec<u8>, Reject> {
-        let mut all = Vec::new();
-        match self.open(field, path)?.read_to_end(&mut all) {
-            Ok(_) => Ok(all),
-            Err(e) => Err(Reject::new("F061", format!("cannot read {path:?}: {e}")).at(field)),
-        }
-    }
-}
-
-impl<P> Assets for Shape<'_, '_, P> {
-    fn open(&mut self, field: &str, path: &str) -> Result<Box<dyn ReadSeek>, Reject> {
-        Shape::open(self, field, path)
-    }
-
-    fn sequence(&mut self, path: &str) -> Result<Vec<String>, Reject> {
-        Ok(Shape::sequence(self, "path", path)?.into_iter().map(|(_, file)| file).collect())
-    }
-
-    fn frames(&mut self, paths: Vec<String>) -> Result<OpenFrame, Reject> {
-        // Only the first frame is read before the run.
-        let first = Assets::bytes(self, "path", paths.first().map_or("", String::as_str))?;
-        Ok(Box::new(move |_| Ok(first.clone())))
-    }
-}
-
-impl Assets for &Build<'_> {
-    fn open(&mut self, field: &str, path: &str) -> Result<Box<dyn ReadSeek>, Reject> {
-        self.files.open(path).map_err(|e| Reject::new(e.code, e.message).at(field))
-    }
-
-    fn sequence(&mut self, path: &str) -> Result<Vec<String>, Reject> {
-        let found = self.files.sequence(path);
-        let found = found.map_err(|e| Reject::new(e.code, e.message).at("path"))?;
-        Ok(found.into_iter().map(|(_, file)| file).collect())
-    }
-
-    fn frames(&mut self, paths: Vec<String>) -> Result<OpenFrame, Reject> {
-        let (files, paths): (Arc<dyn Files>, _) = match self.files.shared() {
-            Some(files) => (files, paths),
-            None => {
-                let mut memory = MemoryFiles::default();
-                for path in &paths {
-                    memory.insert(path, Assets::bytes(self, "path", path)?);
-                }
-                (Arc::new(memory), paths)
-            }
-        };
-        Ok(Box::new(move |frame| {
-            let path = paths.get(frame).ok_or(std::io::ErrorKind::NotFound)?;
-            files.bytes(path).map_err(|e| std::io::Error::other(e.message))
-        }))
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Format {
-    Alembic,
-    Pc2,
-    Mdd,
-    Obj,
-    ObjSequence,
-    Gltf,
-}
-
-fn reject(field: &str, error: &MeshError) -> Reject {
-    let rejection = Reject::new("F070", error.to_string());
-    match error {
-        MeshError::AmbiguousMesh { available } | MeshError::NoSuchMesh { available, .. } => {
-            let example = available.last().map_or("name", String::as_str);
-            rejection.at("object").help(format!("set `object`, for example `object: {example:?}`"))
-        }
-        MeshError::NoSuchAnimation { available, .. } => {
-            let first = available.first().map(|name| format!("set `animation: {name:?}`, or "));
-            rejection
-                .at("animation")
-                .help(format!("{}leave it out to use the first one", first.unwrap_or_default()))
-        }
-        _ => rejection.at(field),
-    }
-}
-
-/// Format of a file by its first bytes, otherwise by the extension of its name.
-fn detect_format(file: &mut dyn ReadSeek, path: &str) -> Result<Format, Reject> {
-    let mut head = Vec::new();
-    let read = file.take(64).read_to_end(&mut head).and_then(|_| file.seek(SeekFrom::Start(0)));
-    read.map_err(|e| Reject::new("F061", format!("cannot read {path:?}: {e}")).at("path"))?;
-    let extension =
-        path.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase()).unwrap_or_default();
-    let json = head.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
-    Ok(match (&head[..], extension.as_str()) {
-        ([b'O', b'g', b'a', b'w', b'a', ..], _) | (_, "abc") => Format::Alembic,
-        (bytes, _) if bytes.starts_with(b"POINTCACHE2") => Format::Pc2,
-        (bytes, _) if bytes.starts_with(b"glTF") || json => Format::Gltf,
-        (_, "pc2") => Format::Pc2,
-        (_, "mdd") => Format::Mdd,
-        (_, "obj") => Format::Obj,
-        (_, "gltf" | "glb") => Format::Gltf,
-        _ => {
-            let message = format!("{path:?} is not an animation in a known format");
-            return Err(Reject::new("F070", message).at("path").help(
-                "use Alembic (.abc), PC2, MDD, OBJ, a sequence such as \"frame_####.obj\", or glTF (.glb)",
-            ));
-        }
-    })
-}
-
 fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, Format), Reject> {
     let options = ReadOptions { metres_per_unit: p.metres_per_unit, ..ReadOptions::default() };
     let (path, object) = (p.path.0.as_str(), p.object.as_ref().map(|name| name.0.as_str()));
     let file = if path.contains('#') { None } else { Some(assets.open("path", path)?) };
     let (format, file) = match file {
         None => (Format::ObjSequence, None),
-        Some(mut file) => (detect_format(&mut *file, path)?, Some(file)),
+        Some(mut file) => (Format::detect(&mut *file, path)?, Some(file)),
     };
     let file = file.unwrap_or_else(|| Box::new(std::io::empty()));
     let failed = |e: MeshError| reject("path", &e);
@@ -231,18 +118,9 @@ fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, 
             open_obj_sequence(assets.frames(paths)?, times, object, &options).map_err(failed)?
         }
         Format::Gltf => {
-            let selection = gltf::GltfSelection {
-                mesh: object.map(str::to_owned),
-                animation: p.animation.as_ref().map(|name| name.0.clone()),
-                fps: p.fps.map(Rate::as_f64),
-            };
-            let folder = path.rsplit_once('/').map(|(folder, _)| format!("{folder}/")).unwrap_or_default();
-            let bytes = assets.bytes("path", path)?;
-            let mut resolve = |address: &str| {
-                let bytes = assets.bytes("path", &format!("{folder}{address}"));
-                bytes.map_err(|e| std::io::Error::other(e.message))
-            };
-            gltf::open(&bytes, &selection, &mut resolve, &options).map_err(failed)?
+            let selection = gltf_selection(p.object.as_ref(), p.animation.as_ref(), p.fps);
+            read_gltf(path, assets, |bytes, resolve| gltf::open(bytes, &selection, resolve, &options))?
+                .map_err(failed)?
         }
     };
     Ok((stream.with_up_axis(up_axis(p, format), UpAxis::Z), format))
@@ -250,8 +128,7 @@ fn open(p: &MeshSequenceParams, assets: &mut dyn Assets) -> Result<(MeshStream, 
 
 /// The upward axis of the file.
 fn up_axis(p: &MeshSequenceParams, format: Format) -> UpAxis {
-    let convention = if matches!(format, Format::Alembic | Format::Gltf) { UpAxis::Y } else { UpAxis::Z };
-    p.up.unwrap_or(convention)
+    p.up.unwrap_or(format.up_axis())
 }
 
 /// The OBJ with the faces and the rest pose of a point cache.
@@ -286,21 +163,6 @@ fn required_rate(p: &MeshSequenceParams, what: &str) -> Result<Rate, Reject> {
     p.fps.ok_or_else(|| {
         let message = format!("{what} does not state its frame rate");
         Reject::new("F071", message).at("fps").help("set `fps`, for example `fps: 60`")
-    })
-}
-
-/// The rate of the output.
-fn rate(p: &MeshSequenceParams, times: &[f64]) -> Result<Rate, Reject> {
-    if times.len() == 1 {
-        return Ok(p.fps.unwrap_or(Rate::hz(60)));
-    }
-    let standard = || nominal_rate(times).and_then(|(num, den)| Rate::new(num, den));
-    p.fps.or_else(standard).ok_or_else(|| {
-        let span = times[times.len() - 1] - times[0];
-        let message = format!("the {} frames of {span} s have no standard frame rate", times.len());
-        Reject::new("F071", message)
-            .at("fps")
-            .help("set `fps` to the rate of the output, for example `fps: 60`")
     })
 }
 
@@ -341,21 +203,8 @@ impl Node for MeshSequence {
             s.note(format!("{} faces with fewer than three vertices were left out", clip.dropped_faces()));
         }
         let times = clip.times();
-        let rate = rate(p, times)?;
-        let (first, last) = (times[0], times[times.len() - 1]);
-        let hz = rate.as_f64();
-        if let (Some(start), None) = (p.start.filter(|start| *start > last && times.len() > 1), p.duration) {
-            let message = format!("the animation is from {first} s to {last} s, `start` is {start} s");
-            return Err(Reject::new("F051", message)
-                .at("start")
-                .help("set an earlier `start`, or set a `duration` for which the last frame is held"));
-        }
-        // The tolerance includes a last frame that rounding of its time puts just outside.
-        let items_to_last_frame = || ((last - p.start.unwrap_or(first)) * hz + 1e-3).floor() + 1.0;
-        let items_of_duration = p.duration.map(|duration| (duration * hz - 1e-6).ceil());
-        let items = items_of_duration
-            .or((times.len() > 1).then(items_to_last_frame))
-            .map(|items| items.max(0.0) as i64);
+        let rate = output_rate(times, p.fps, "fps")?;
+        let items = Span { start: p.start, duration: p.duration }.items(times, rate)?;
         let (is_static, mut topology) = (times.len() == 1, clip.topology().clone());
         if is_static {
             // Its only frame is its rest pose; the OBJ of a point cache can have another pose.

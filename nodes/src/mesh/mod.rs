@@ -4,6 +4,7 @@
 //! and a [`FrameReader`]. [`FrameSampler`] resamples frames onto a regular grid, [`MeshPrepare`] orients a topology.
 //! [`Mesh`] is the item of the streams between nodes.
 
+pub(crate) mod animation_file;
 mod clip;
 mod error;
 mod formats;
@@ -22,7 +23,9 @@ pub use clip::{
     nominal_rate,
 };
 pub use error::MeshError;
-pub use formats::{ObjMesh, OpenFrame, alembic, gltf, open_mdd, open_obj_sequence, open_pc2};
+#[cfg(test)]
+pub(crate) use formats::test_files;
+pub use formats::{ObjMesh, ObjectMotion, OpenFrame, alembic, gltf, open_mdd, open_obj_sequence, open_pc2};
 pub use item::{Mesh, MeshFormat};
 pub(crate) use mesh_sequence::rest_mesh;
 pub(crate) use topology::DisjointSets;

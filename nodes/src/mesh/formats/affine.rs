@@ -61,6 +61,15 @@ impl Affine {
         self.0.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3])
     }
 
+    /// Transform of a direction: without the translation.
+    pub(super) fn direction(&self, v: [f64; 3]) -> [f64; 3] {
+        self.0.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2])
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        self.0.as_flattened().iter().all(|x| x.is_finite())
+    }
+
     pub(super) fn determinant(&self) -> f64 {
         let [a, b, c] = self.0;
         a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])

@@ -92,6 +92,40 @@ fn read_damaged(valid: &[u8], rounds: u64, open: impl Fn(Vec<u8>) -> Result<Mesh
     opened
 }
 
+/// Reads the motion of an object of damaged files; returns the number of files that are read.
+fn read_damaged_motions(valid: &[u8], read: impl Fn(Vec<u8>) -> Result<ObjectMotion, MeshError>) -> usize {
+    assert!(read(valid.to_vec()).is_ok());
+    let mut accepted = 0;
+    for round in 0..4000 {
+        match read(damage(valid, &mut SplitMix(round))) {
+            Ok(motion) => {
+                accepted += 1;
+                assert!(!motion.times().is_empty() && clip::check_times(motion.times()).is_ok());
+                for frame in 0..motion.times().len() {
+                    assert!(motion.position(frame, [0.0; 3]).unwrap().iter().all(|x| x.is_finite()));
+                }
+            }
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+    }
+    accepted
+}
+
+#[test]
+fn motions_of_damaged_scenes_are_read_or_rejected() {
+    let limits = options().limits;
+    for object in [None, Some("sheetShape")] {
+        let read = |b| alembic::object_motion(Box::new(Cursor::new(b)), object, &limits);
+        assert!(read_damaged_motions(&alembic::tests::sheet(), read) > 100);
+    }
+    for (valid, object) in [(gltf::tests::moving(), None), (gltf::tests::skinned(), Some("b"))] {
+        let selection =
+            gltf::GltfSelection { object: object.map(str::to_owned), ..gltf::GltfSelection::default() };
+        let read = |b: Vec<u8>| gltf::object_motion(&b, &selection, &mut |_| Ok(vec![0; 64]), &limits);
+        assert!(read_damaged_motions(&valid, read) > 100);
+    }
+}
+
 #[test]
 fn damaged_alembic_files_are_read_or_rejected() {
     let open = |b| alembic::open(Box::new(Cursor::new(b)), Some("/scene/sheet/sheetShape"), &options());

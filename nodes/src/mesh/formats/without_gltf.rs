@@ -1,12 +1,12 @@
 //! glTF in a build without the feature `gltf`: an error.
 
-use crate::mesh::{MeshError, MeshStream, ReadOptions};
+use crate::mesh::{MeshError, MeshLimits, MeshStream, ObjectMotion, ReadOptions};
 
-/// Choice of a mesh and an animation.
+/// Choice of an object and an animation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GltfSelection {
-    /// Name of the mesh or its node; `None` for the only one.
-    pub mesh: Option<String>,
+    /// Name of a node or of its mesh; `None` for the mesh with the most vertices, or the only animated node.
+    pub object: Option<String>,
     /// Name of the animation; `None` for the first.
     pub animation: Option<String>,
     /// Frames per second; `None` for the times of the file.
@@ -26,6 +26,19 @@ fn refused<T>() -> Result<T, MeshError> {
 /// # Errors
 /// Always.
 pub fn open(_: &[u8], _: &GltfSelection, _: Resolve<'_>, _: &ReadOptions) -> Result<MeshStream, MeshError> {
+    refused()
+}
+
+/// Refuses the asset.
+///
+/// # Errors
+/// Always.
+pub fn object_motion(
+    _: &[u8],
+    _: &GltfSelection,
+    _: Resolve<'_>,
+    _: &MeshLimits,
+) -> Result<ObjectMotion, MeshError> {
     refused()
 }
 

@@ -184,10 +184,7 @@ impl Bvh {
     /// Linear in the number of joints above the joint.
     #[must_use]
     pub fn pose(&self, joint: usize, frame: usize, scale: f64, up: UpAxis) -> Option<Pose> {
-        let (mut position, mut axes) = match up {
-            UpAxis::Y => ([0.0; 3], [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]),
-            UpAxis::Z => ([0.0; 3], [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
-        };
+        let (mut position, mut axes) = ([0.0; 3], up.front_and_top());
         let mut next = Some(self.joints.get(joint)?);
         while let Some(joint) = next {
             let values = self.row(joint, frame)?;
@@ -206,12 +203,7 @@ impl Bvh {
             }
             next = joint.parent.and_then(|parent| self.joints.get(parent));
         }
-        let to_scene = |[x, y, z]: [f64; 3]| match up {
-            UpAxis::Y => [x, -z, y],
-            UpAxis::Z => [x, y, z],
-        };
-        let [front, top] = axes.map(to_scene);
-        Pose::looking(to_scene(position).map(|x| x * scale), front, top)
+        Pose::of_file(position, axes, up, scale)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::bvh::Bvh;
 use super::item::Poses;
-use super::pose::Pose;
+use super::pose::{MAX_COORDINATE, Pose};
 use super::pose_track::PoseTrack;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -53,8 +53,6 @@ ports! {
 
 /// Maximum number of joints that a message lists.
 const MAX_LISTED: usize = 40;
-/// Largest coordinate of a pose, in m.
-const MAX_COORDINATE: f32 = 1e6;
 
 /// The poses of one joint, and the frame rate of the file.
 #[derive(Debug)]
@@ -82,8 +80,7 @@ impl JointMotion {
         })?;
         let pose = |frame: usize| {
             let pose = bvh.pose(joint, frame, p.scale, p.up);
-            let near = |pose: &Pose| pose.position.iter().all(|x| x.abs() <= MAX_COORDINATE);
-            pose.filter(near).ok_or_else(|| {
+            pose.filter(Pose::is_near).ok_or_else(|| {
                 let message = format!(
                     "the joint is farther than {MAX_COORDINATE:e} m from the origin in frame {frame}"
                 );

@@ -4,6 +4,7 @@ pub mod bvh;
 pub mod bvh_pose;
 pub(crate) mod interpolation;
 pub mod item;
+pub mod object_pose;
 pub mod orbit;
 pub mod pose;
 pub mod pose_file;

@@ -3,6 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
+use crate::mesh::UpAxis;
+
+/// Largest coordinate of a pose that is read from a file, in m.
+pub(crate) const MAX_COORDINATE: f32 = 1e6;
 
 /// Position and orientation.
 ///
@@ -40,6 +44,20 @@ impl Pose {
         let position = position.map(|x| x as f32);
         let finite = position.iter().chain(&rotation).all(|x| x.is_finite());
         finite.then_some(Self { position, rotation })
+    }
+
+    /// Creates the pose of an object of a file, from its position, front and top in the axes of the file. Returns `None` if front and top do
+    /// not define an orientation.
+    ///
+    /// `up` is the axis that points upward in the file, `unit` the length of its unit in m.
+    pub(crate) fn of_file(position: Vec3, [front, top]: [Vec3; 2], up: UpAxis, unit: f64) -> Option<Self> {
+        let [position, front, top] = [position, front, top].map(|v| up.rotated(UpAxis::Z, v));
+        Self::looking(scale(position, unit), front, top)
+    }
+
+    /// Returns true if no coordinate exceeds [`MAX_COORDINATE`].
+    pub(crate) fn is_near(&self) -> bool {
+        self.position.iter().all(|x| x.abs() <= MAX_COORDINATE)
     }
 
     /// Converts a point from scene axes to local axes.

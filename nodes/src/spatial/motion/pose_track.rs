@@ -1,6 +1,6 @@
 //! The trajectory of a body, read from CSV.
 
-use super::pose::Pose;
+use super::pose::{MAX_COORDINATE, Pose};
 use crate::core::files::excerpt;
 use crate::core::time::{Rate, Tick, ticks};
 use thiserror::Error;
@@ -9,8 +9,6 @@ use thiserror::Error;
 pub const MAX_POSES: usize = 1 << 22;
 /// Largest time of a pose, in s.
 const MAX_TIME: f64 = 86_400.0;
-/// Largest coordinate, in m.
-const MAX_COORDINATE: f64 = 1e6;
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const ROTATION: [&str; 4] = ["qw", "qx", "qy", "qz"];
 
@@ -35,6 +33,14 @@ impl PoseTrack {
     #[must_use]
     pub fn at_rate(poses: impl IntoIterator<Item = Pose>, rate: Rate) -> Self {
         Self { poses: (0..).zip(poses).map(|(k, pose)| (rate.tick(k), pose)).collect() }
+    }
+
+    /// Makes a trajectory of poses at increasing times in s.
+    #[must_use]
+    pub fn at_times(poses: impl IntoIterator<Item = (f64, Pose)>) -> Self {
+        // Differences of ticks do not overflow.
+        let tick = |time| ticks(time).clamp(Tick::MIN / 4, Tick::MAX / 4);
+        Self { poses: poses.into_iter().map(|(time, pose)| (tick(time), pose)).collect() }
     }
 
     /// Returns the time of the last pose.
@@ -113,7 +119,8 @@ impl Columns {
         let time = self.number(row, self.time, 0.0, MAX_TIME)?;
         let mut pose = Pose::default();
         for (out, k) in pose.position.iter_mut().zip(self.position) {
-            *out = self.number(row, k, -MAX_COORDINATE, MAX_COORDINATE)? as f32;
+            let max = f64::from(MAX_COORDINATE);
+            *out = self.number(row, k, -max, max)? as f32;
         }
         let Some(columns) = self.rotation else { return Ok((time, pose)) };
         let mut q = [0.0; 4];

@@ -198,6 +198,21 @@ impl Archive {
         Ok(())
     }
 
+    /// Position in `among` of the object with the path `wanted`, or else of the only one whose path ends in `/wanted`.
+    pub(super) fn position(&self, among: &[usize], wanted: &str) -> Option<usize> {
+        let exact = among.iter().position(|&object| self.objects[object].path == wanted);
+        exact.or_else(|| {
+            let ends = |path: &str| path.strip_suffix(wanted).is_some_and(|rest| rest.ends_with('/'));
+            let mut found = (0..among.len()).filter(|&k| ends(&self.objects[among[k]].path));
+            found.next().filter(|_| found.next().is_none())
+        })
+    }
+
+    /// Paths of objects.
+    pub(super) fn paths(&self, objects: &[usize]) -> Vec<String> {
+        objects.iter().map(|&object| self.objects[object].path.clone()).collect()
+    }
+
     /// Properties of an object.
     pub(super) fn properties(&mut self, object: usize) -> Result<Vec<Property>, MeshError> {
         match self.objects[object].properties {

@@ -1,19 +1,23 @@
-//! Alembic animations: PolyMesh points and faces under animated Xforms, in the Ogawa container.
+//! Alembic animations: PolyMesh points and faces under animated Xforms, and the Xforms themselves, in the Ogawa container.
 //!
 //! Files are read by seeking: opening reads the tables, a frame reads only its own bytes.
 
 mod archive;
+mod object;
 mod ogawa;
 #[cfg(test)]
 pub(super) mod tests;
+pub(crate) mod writer;
 mod xform;
 
 use super::affine::Affine;
 use super::clip::{check_request, check_times, largest_mesh, to_metres};
 use super::{
-    FrameReader, MeshClip, MeshError, MeshLimits, MeshStream, ReadOptions, ReadSeek, Topology, Triangulator,
+    FrameReader, MeshClip, MeshError, MeshLimits, MeshStream, ObjectMotion, ReadOptions, ReadSeek, Topology,
+    Triangulator,
 };
 use archive::{Archive, Property, Samples};
+pub use object::object_motion;
 use ogawa::malformed;
 use xform::Xform;
 
@@ -77,7 +81,7 @@ fn meshes(archive: &mut Archive) -> Result<Vec<(usize, MeshProperties)>, MeshErr
     Ok(out)
 }
 
-/// Opens one mesh of an archive: the one at `path`, or the one with the most vertices.
+/// Opens one mesh of an archive: the one at `path`, or the one with the most vertices. The end of a path suffices if it is the only one.
 ///
 /// Positions are in the space of the archive (usually Y up): all transforms above the mesh are applied. The frames are
 /// the samples of the points; if the points are constant, those of the lowest animated transform.
@@ -149,16 +153,14 @@ fn choose(
     path: Option<&str>,
 ) -> Result<(usize, MeshProperties, Vec<String>), MeshError> {
     let mut found = meshes(archive)?;
-    let available = |found: &[(usize, MeshProperties)], archive: &Archive| {
-        found.iter().map(|(o, _)| archive.objects[*o].path.clone()).collect::<Vec<_>>()
-    };
+    let mut objects: Vec<usize> = found.iter().map(|(object, _)| *object).collect();
     let index = match path {
-        Some(path) => found.iter().position(|(o, _)| archive.objects[*o].path == path),
+        Some(path) => archive.position(&objects, path),
         None => {
             let counts: Result<Vec<_>, _> = found.iter().map(|(_, m)| size(archive, &m.points)).collect();
             let largest = largest_mesh(&counts?);
             if largest.is_none() && !found.is_empty() {
-                return Err(MeshError::AmbiguousMesh { available: available(&found, archive) });
+                return Err(MeshError::AmbiguousMesh { available: archive.paths(&objects) });
             }
             largest
         }
@@ -166,12 +168,13 @@ fn choose(
     match index {
         Some(index) => {
             let (object, properties) = found.remove(index);
-            let other_meshes = if path.is_none() { available(&found, archive) } else { Vec::new() };
+            objects.remove(index);
+            let other_meshes = if path.is_none() { archive.paths(&objects) } else { Vec::new() };
             Ok((object, properties, other_meshes))
         }
         None => Err(MeshError::NoSuchMesh {
             wanted: path.unwrap_or("(any)").to_owned(),
-            available: available(&found, archive),
+            available: archive.paths(&objects),
         }),
     }
 }

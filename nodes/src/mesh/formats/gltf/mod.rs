@@ -1,10 +1,11 @@
-//! glTF and GLB animations: morph targets, skins and moving nodes.
+//! glTF and GLB animations: morph targets, skins and moving nodes, and the nodes themselves.
 //!
 //! Opening decodes all data of the mesh; a frame is computed from the keys.
 
 mod channel;
 mod container;
 mod instance;
+mod object;
 mod pose;
 #[cfg(test)]
 pub(super) mod tests;
@@ -12,16 +13,17 @@ pub(super) mod tests;
 use std::collections::BTreeMap;
 
 use super::clip::{check_request, largest_mesh, to_metres};
-use super::{FrameReader, MeshClip, MeshError, MeshStream, ReadOptions, Topology};
+use super::{FrameReader, MeshClip, MeshError, MeshLimits, MeshStream, ObjectMotion, ReadOptions, Topology};
 use container::{Buffers, FORMAT, split_glb};
 use instance::Instance;
+pub use object::object_motion;
 use pose::Pose;
 
-/// Mesh, animation and frame rate to read from an asset.
+/// Object, animation and frame rate to read from an asset.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GltfSelection {
-    /// Name of a node with a mesh, or of a mesh; `None` for the mesh with the most vertices.
-    pub mesh: Option<String>,
+    /// Name of a node or of its mesh; `None` for the mesh with the most vertices, or the only animated node.
+    pub object: Option<String>,
     /// Name of the animation; `None` for the first one.
     pub animation: Option<String>,
     /// Frames per second; `None` for a frame at each key.
@@ -46,18 +48,13 @@ pub fn open(
     options: &ReadOptions,
 ) -> Result<MeshStream, MeshError> {
     let options = *options.checked()?;
-    options.limits.bytes(bytes.len() as u64)?;
-    let (json, bin) = split_glb(bytes)?;
-    let document = container::document(json)?;
-    if let Some(extension) = document.extensions_required().find(|e| !keeps_positions(e)) {
-        let what = format!("the extension {extension}, which is not supported: export without compression");
-        return Err(MeshError::Unsupported { format: FORMAT, what });
-    }
-    let (node, other_meshes) = choose(&document, selection.mesh.as_deref())?;
+    let (document, bin) = read_document(bytes, &options.limits)?;
+    let (node, other_meshes) = choose(&document, selection.object.as_deref())?;
     let mut buffers = Buffers::load(&document, bin, resolve, options.limits)?;
     let instance = Instance::read(&node, &mut buffers, &options.limits)?;
-    let mut pose = Pose::read(&document, &node, selection.animation.as_deref(), &instance, &mut buffers)?;
-    let times = frame_times(&pose, selection.fps, &options)?;
+    let animation = selected_animation(&document, selection.animation.as_deref())?;
+    let mut pose = Pose::read(&document, &node, animation, Some(&instance), &mut buffers)?;
+    let times = frame_times(&pose, selection.fps, &options.limits)?;
     let vertices = instance.points.len();
     let mut triangles = instance.triangles.clone();
     if triangles.is_empty() || vertices == 0 {
@@ -75,6 +72,34 @@ pub fn open(
     let clip = clip.with_other_meshes(other_meshes);
     let frames = Frames { instance, pose, times, local, scale: options.metres_per_unit };
     Ok(MeshStream { clip, frames: Box::new(frames) })
+}
+
+/// The validated JSON of an asset, and the binary chunk of a GLB.
+fn read_document<'a>(
+    bytes: &'a [u8],
+    limits: &MeshLimits,
+) -> Result<(::gltf::Document, Option<&'a [u8]>), MeshError> {
+    limits.bytes(bytes.len() as u64)?;
+    let (json, bin) = split_glb(bytes)?;
+    let document = container::document(json)?;
+    if let Some(extension) = document.extensions_required().find(|e| !keeps_positions(e)) {
+        let what = format!("the extension {extension}, which is not supported: export without compression");
+        return Err(MeshError::Unsupported { format: FORMAT, what });
+    }
+    Ok((document, bin))
+}
+
+/// The animation of a name or the first one; `None` if an asset without animations is read without a name.
+fn selected_animation<'a>(
+    document: &'a ::gltf::Document,
+    wanted: Option<&str>,
+) -> Result<Option<::gltf::Animation<'a>>, MeshError> {
+    let Some(wanted) = wanted else { return Ok(document.animations().next()) };
+    let found = document.animations().find(|a| a.name() == Some(wanted));
+    found.map(Some).ok_or_else(|| {
+        let names = document.animations().filter_map(|a| a.name().map(str::to_owned));
+        MeshError::NoSuchAnimation { wanted: wanted.to_owned(), available: names.collect() }
+    })
 }
 
 /// Names of the meshes that [`open`] can choose from.
@@ -138,11 +163,11 @@ fn choose<'a>(
     Ok((found, Vec::new()))
 }
 
-fn frame_times(pose: &Pose, fps: Option<f64>, options: &ReadOptions) -> Result<Vec<f64>, MeshError> {
-    let mut keys: Vec<f64> = pose.key_times(options.limits.max_frames);
+fn frame_times(pose: &Pose, fps: Option<f64>, limits: &MeshLimits) -> Result<Vec<f64>, MeshError> {
+    let mut keys: Vec<f64> = pose.key_times(limits.max_frames);
     keys.sort_unstable_by(f64::total_cmp);
     keys.dedup();
-    options.limits.frames(keys.len() as u64)?;
+    limits.frames(keys.len() as u64)?;
     let (Some(&first), Some(&last)) = (keys.first(), keys.last()) else { return Ok(vec![0.0]) };
     let Some(fps) = fps else { return Ok(keys) };
     if !fps.is_finite() || fps <= 0.0 {
@@ -150,7 +175,7 @@ fn frame_times(pose: &Pose, fps: Option<f64>, options: &ReadOptions) -> Result<V
     }
     // Key times are f32: a last frame just after the last key counts.
     let count = ((last - first) * fps + 1e-3).floor();
-    options.limits.frames(count as u64 + 1)?;
+    limits.frames(count as u64 + 1)?;
     Ok((0..=count as u64).map(|k| first + k as f64 / fps).collect())
 }
 

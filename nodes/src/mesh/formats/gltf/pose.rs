@@ -1,4 +1,4 @@
-//! The nodes that move a mesh, evaluated at a time.
+//! The nodes that move an object, evaluated at a time.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::channel::Channel;
 use super::container::{Buffers, malformed};
 use super::instance::{Instance, JointWeight};
 
-/// A node above the mesh or above one of its joints.
+/// A node above the object or above one of the joints of its mesh.
 struct PoseNode {
     parent: Option<usize>,
     /// Translation, rotation and scale without animation.
@@ -22,13 +22,13 @@ struct PoseNode {
     scale: Option<Channel>,
 }
 
-/// The nodes that move a mesh, and their transforms at one time.
+/// The nodes that move an object, and their transforms at one time.
 pub(super) struct Pose {
     /// Parents stand before their children.
     nodes: Vec<PoseNode>,
     world: Vec<Affine>,
-    /// Index of the node of the mesh in `nodes`.
-    mesh_node: usize,
+    /// Index of the node of the object in `nodes`.
+    object: usize,
     /// Index in `nodes` and inverse bind matrix of each joint.
     skin: Vec<(usize, Affine)>,
     joints: Vec<Affine>,
@@ -39,16 +39,17 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    /// Reads the nodes above the mesh of `node`, its skin and one animation.
+    /// Reads the nodes above `node` and one animation; with a mesh also its skin and its morph weights.
     pub(super) fn read(
         document: &::gltf::Document,
         node: &::gltf::Node<'_>,
-        animation: Option<&str>,
-        instance: &Instance,
+        animation: Option<::gltf::Animation<'_>>,
+        mesh: Option<&Instance>,
         buffers: &mut Buffers<'_>,
     ) -> Result<Self, MeshError> {
-        let (nodes, index_of) = pose_nodes(document, node)?;
-        let skin = match node.skin() {
+        let skin = node.skin().filter(|_| mesh.is_some());
+        let (nodes, index_of) = pose_nodes(document, node, skin.as_ref())?;
+        let skin = match skin {
             Some(skin) => {
                 let count = skin.joints().count();
                 let matrices = match skin.inverse_bind_matrices() {
@@ -75,46 +76,37 @@ impl Pose {
             }
             None => Vec::new(),
         };
-        let targets = instance.target_count();
+        let targets = mesh.map_or(0, Instance::target_count);
         let default_weights = node.weights().or_else(|| node.mesh().and_then(|m| m.weights())).unwrap_or(&[]);
         let mut bind_weights: Vec<f64> =
             default_weights.iter().take(targets).map(|&w| f64::from(w)).collect();
         bind_weights.resize(targets, 0.0);
-        let mesh_node =
-            index_of[node.index()].ok_or_else(|| malformed("the nodes above the mesh form a cycle"))?;
+        let object =
+            index_of[node.index()].ok_or_else(|| malformed("the nodes above the object form a cycle"))?;
         let mut pose = Self {
             world: vec![Affine::IDENTITY; nodes.len()],
             joints: vec![Affine::IDENTITY; skin.len()],
             weights: bind_weights.clone(),
             nodes,
-            mesh_node,
+            object,
             skin,
             bind_weights,
             weight_channel: None,
         };
-        pose.read_channels(document, node.index(), animation, &index_of, buffers)?;
+        if let Some(animation) = animation {
+            pose.read_channels(&animation, node.index(), &index_of, buffers)?;
+        }
         Ok(pose)
     }
 
     fn read_channels(
         &mut self,
-        document: &::gltf::Document,
+        animation: &::gltf::Animation<'_>,
         node: usize,
-        animation: Option<&str>,
         index_of: &[Option<usize>],
         buffers: &mut Buffers<'_>,
     ) -> Result<(), MeshError> {
-        let selected = match animation {
-            Some(wanted) => {
-                Some(document.animations().find(|a| a.name() == Some(wanted)).ok_or_else(|| {
-                    let names = document.animations().filter_map(|a| a.name().map(str::to_owned));
-                    MeshError::NoSuchAnimation { wanted: wanted.to_owned(), available: names.collect() }
-                })?)
-            }
-            None => document.animations().next(),
-        };
-        let Some(selected) = selected else { return Ok(()) };
-        for channel in selected.channels() {
+        for channel in animation.channels() {
             let (target, sampler) = (channel.target(), channel.sampler());
             let (property, target_node) = (target.property(), target.node().index());
             let width = match property {
@@ -204,15 +196,20 @@ impl Pose {
         &self.weights
     }
 
+    /// Transform of the node of the object to the scene.
+    pub(super) fn world(&self) -> Affine {
+        self.world[self.object]
+    }
+
     /// Returns true if the transform of the mesh reverses windings.
     pub(super) fn mirrors(&self) -> bool {
-        self.skin.is_empty() && self.world[self.mesh_node].determinant() < 0.0
+        self.skin.is_empty() && self.world().determinant() < 0.0
     }
 
     /// Position of a vertex of the mesh in the scene.
     pub(super) fn transform(&self, joints: &[JointWeight], p: [f64; 3]) -> [f64; 3] {
         if joints.is_empty() {
-            return self.world[self.mesh_node].apply(p);
+            return self.world[self.object].apply(p);
         }
         let mut out = [0.0; 3];
         for &(joint, weight) in joints {
@@ -245,11 +242,12 @@ impl PoseNode {
     }
 }
 
-/// The nodes of the mesh and of its joints with all their ancestors, parents first, and the index of each node of the
-/// document in this list.
+/// A node and the joints of a skin with all their ancestors, parents first, and the index of each node of the document in
+/// this list.
 fn pose_nodes(
     document: &::gltf::Document,
     node: &::gltf::Node<'_>,
+    skin: Option<&::gltf::Skin<'_>>,
 ) -> Result<(Vec<PoseNode>, Vec<Option<usize>>), MeshError> {
     let nodes: Vec<::gltf::Node<'_>> = document.nodes().collect();
     let mut parent: Vec<Option<usize>> = vec![None; nodes.len()];
@@ -262,7 +260,7 @@ fn pose_nodes(
     }
     let mut index_of: Vec<Option<usize>> = vec![None; nodes.len()];
     let mut pose_nodes = Vec::new();
-    let joints = node.skin().into_iter().flat_map(|s| s.joints().map(|j| j.index()).collect::<Vec<_>>());
+    let joints = skin.into_iter().flat_map(|s| s.joints().map(|j| j.index()));
     for start in std::iter::once(node.index()).chain(joints) {
         let mut path = Vec::new();
         let mut current = Some(start);

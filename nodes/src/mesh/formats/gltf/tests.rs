@@ -4,7 +4,7 @@ use super::*;
 use crate::mesh::UpAxis;
 
 /// An asset of one buffer: each accessor is (component type, type, count, bytes).
-pub(in crate::mesh) fn asset(accessors: &[(u32, &str, usize, Vec<u8>)], rest: &str) -> Vec<u8> {
+pub(crate) fn asset(accessors: &[(u32, &str, usize, Vec<u8>)], rest: &str) -> Vec<u8> {
     let (mut bin, mut views, mut list) = (Vec::new(), Vec::new(), Vec::new());
     for (k, (component, kind, count, bytes)) in accessors.iter().enumerate() {
         views.push(format!(r#"{{"buffer":0,"byteOffset":{},"byteLength":{}}}"#, bin.len(), bytes.len()));
@@ -36,7 +36,7 @@ pub(in crate::mesh) fn asset(accessors: &[(u32, &str, usize, Vec<u8>)], rest: &s
     out
 }
 
-pub(in crate::mesh) fn floats(values: &[f32]) -> Vec<u8> {
+pub(crate) fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
@@ -104,13 +104,36 @@ fn morph_weights_and_nodes_move_together() {
 
 #[test]
 fn a_skin_blends_its_joints_and_ignores_its_own_node() {
-    let selection = GltfSelection { mesh: Some("skin mesh".into()), ..GltfSelection::default() };
+    let selection = GltfSelection { object: Some("skin mesh".into()), ..GltfSelection::default() };
     let mut s = read(&skinned(), &selection).unwrap();
     assert_eq!(s.clip.times(), [0.0, 0.5]);
     assert!(s.clip.topology().rest.iter().zip(TRIANGLE.chunks(3)).all(|(r, p)| r == p));
     let mut out = [[0.0; 3]; 3];
     s.frames.read_frame(1, &mut out).unwrap();
     assert_eq!(out, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 3.0, 0.0]]);
+}
+
+#[test]
+fn joints_and_nodes_of_skins_are_objects() {
+    let motion = |object: Option<&str>, fps| {
+        let selection = GltfSelection { object: object.map(str::to_owned), fps, ..GltfSelection::default() };
+        let mut none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+        object_motion(&skinned(), &selection, &mut none, &MeshLimits::default())
+    };
+    let joint = motion(None, None).unwrap();
+    assert_eq!((joint.object(), joint.times()), ("b", &[0.0, 0.5][..]));
+    assert_eq!(joint.position(1, [0.0; 3]), Some([1.0, 4.0, 0.0]));
+    let fine = motion(Some("b"), Some(4.0)).unwrap();
+    assert_eq!(fine.times(), [0.0, 0.25, 0.5]);
+    assert_eq!(fine.position(1, [0.0; 3]), Some([1.0, 2.0, 0.0]));
+    // The skin moves the vertices of a mesh and not its node.
+    for name in ["skin mesh", "node 0"] {
+        let node = motion(Some(name), None).unwrap();
+        assert_eq!((node.times().len(), node.position(0, [0.0; 3])), (1, Some([50.0, 0.0, 0.0])), "{name}");
+    }
+    assert_eq!(motion(Some("node 2"), None).unwrap().object(), "b");
+    let error = motion(Some("c"), None).unwrap_err().to_string();
+    assert!(error.ends_with("the file has: skin mesh, a, b"), "{error}");
 }
 
 #[test]
@@ -160,7 +183,7 @@ fn a_wrong_length_in_the_header_does_not_panic() {
     bytes.truncate(40);
     assert!(matches!(read(&bytes, &GltfSelection::default()), Err(MeshError::Truncated { .. })));
     assert!(matches!(read(b"solid", &GltfSelection::default()), Err(MeshError::Format { .. })));
-    let wrong = GltfSelection { mesh: Some("sleeve".into()), ..GltfSelection::default() };
+    let wrong = GltfSelection { object: Some("sleeve".into()), ..GltfSelection::default() };
     assert!(read(&moving(), &wrong).unwrap_err().to_string().contains("cloth"));
 }
 
