@@ -110,6 +110,7 @@ use crate::solid::model::modal_analysis::ModalAnalysis;
 use crate::solid::model::modal_model_file::ModalModelFile;
 use crate::solid::model::model_modes::ModelModes;
 use crate::soundtrack::matching::fragment_path::FragmentPathNode;
+use crate::soundtrack::matching::gesture_spotter::GestureSpotter;
 use crate::soundtrack::matching::match_score::MatchScore;
 use crate::soundtrack::matching::motion_query::MotionQuery;
 use crate::soundtrack::matching::path_score::PathScore;
@@ -492,6 +493,7 @@ impl Registry {
             .with::<ContactCurve>()
             .with::<MotionCurveNode>()
             .with_func::<MotionQuery>()
+            .with::<GestureSpotter>()
             .with_func::<MatchScore>()
             .with_func::<SoundSpot>()
             .with_func::<FragmentPathNode>()

@@ -210,7 +210,8 @@ fn frames_of_the_picture_direct_its_sound() {
     let folder = tempfile::tempdir().unwrap();
     let (all, report) = positions("frames", &[], folder.path());
     let text = std::fs::read_to_string(folder.path().join("frames.csv")).unwrap();
-    let frames: Vec<f64> = text.lines().skip(1).map(|row| row.split(',').nth(1).unwrap().parse().unwrap()).collect();
+    let frames: Vec<f64> =
+        text.lines().skip(1).map(|row| row.split(',').nth(1).unwrap().parse().unwrap()).collect();
     assert!(frames.len() > 200, "{}", frames.len());
     // The sound is that of the frame that is shown, within five frames for 95 % of the time.
     let is_near = |(n, (_, t)): &(usize, &(usize, f64))| {
@@ -220,4 +221,20 @@ fn frames_of_the_picture_direct_its_sound() {
     let near = all.iter().enumerate().filter(is_near).count() as f64 / all.len() as f64;
     assert!(near > 0.95, "{near}");
     assert!(summary(&report, "report", "satisfaction") > 0.95);
+}
+
+#[test]
+fn a_gesture_is_recognised_as_it_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("positions.npy");
+    let tap = format!("sound.positions={}", file.display());
+    let report = foley(folder.path(), &["run", "graphs/numbers/gesture.ron", "--tap", &tap]);
+    assert_eq!(summary(&report, "gesture", "gestures"), 4.0);
+    let rows = npy(&std::fs::read(file).unwrap());
+    let all: Vec<(usize, f64)> = rows.into_iter().map(|row| (row[0] as usize, f64::from(row[1]))).collect();
+    let is_call = |from: f64, to: f64| share(&all, 16_000.0, from, to, &[(2.4, 4.2)]);
+    // The swoops end at about 2.8, 5.6, 8.6 and 10.8 s.
+    let calls = (0..115).filter(|k| is_call(0.1 * f64::from(*k), 0.1 * f64::from(*k) + 0.1) > 0.9).count();
+    assert!((20..=32).contains(&calls), "{calls}");
+    assert!(is_call(0.0, 2.2) < 0.01);
 }

@@ -15,12 +15,19 @@ use std::collections::VecDeque;
 /// Sakoe and Chiba, "Dynamic programming algorithm optimization for spoken word recognition" (IEEE TASSP 26(1), 1978).
 #[must_use]
 pub fn distance(a: &[f32], b: &[f32], channels: usize, radius: usize, limit: f64) -> Option<f64> {
-    squared_distance(a, b, channels, radius, limit * limit).map(f64::sqrt)
+    squared_distance(a, b, channels, radius, limit * limit, &mut Default::default()).map(f64::sqrt)
 }
 
-/// The square of [`distance`], if it is not greater than `most`.
+/// The square of [`distance`], if it is not greater than `most`. `rows` are buffers.
 #[must_use]
-pub fn squared_distance(a: &[f32], b: &[f32], channels: usize, radius: usize, most: f64) -> Option<f64> {
+pub fn squared_distance(
+    a: &[f32],
+    b: &[f32],
+    channels: usize,
+    radius: usize,
+    most: f64,
+    rows: &mut [Vec<f64>; 2],
+) -> Option<f64> {
     let channels = channels.max(1);
     let n = a.len().min(b.len()) / channels;
     if n == 0 {
@@ -30,8 +37,11 @@ pub fn squared_distance(a: &[f32], b: &[f32], channels: usize, radius: usize, mo
         let (a, b) = (&a[i * channels..(i + 1) * channels], &b[j * channels..(j + 1) * channels]);
         a.iter().zip(b).map(|(x, y)| f64::from(x - y).powi(2)).sum()
     };
-    let mut last = vec![f64::INFINITY; n + 1];
-    let mut row = vec![f64::INFINITY; n + 1];
+    for row in rows.iter_mut() {
+        row.clear();
+        row.resize(n + 1, f64::INFINITY);
+    }
+    let [last, row] = rows;
     last[0] = 0.0;
     for i in 0..n {
         let (from, to) = (i.saturating_sub(radius), (i + radius + 1).min(n));
@@ -49,7 +59,7 @@ pub fn squared_distance(a: &[f32], b: &[f32], channels: usize, radius: usize, mo
         if least > most {
             return None;
         }
-        std::mem::swap(&mut last, &mut row);
+        std::mem::swap(last, row);
         row[0] = f64::INFINITY;
     }
     (last[n] <= most).then(|| last[n])

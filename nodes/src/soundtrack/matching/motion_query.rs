@@ -2,7 +2,7 @@
 
 use super::matches::MotionMatches;
 use super::overlap::greatest_sum;
-use super::query::{Normalisation, QueryError, QueryRules};
+use super::pattern::{Normalisation, QueryError, QueryRules};
 use super::search::{best_matches, find_matches};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;

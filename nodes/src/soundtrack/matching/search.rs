@@ -1,7 +1,8 @@
 //! Search of a motion for all intervals that are similar to one.
 
 use super::matches::MotionMatch;
-use super::query::{BLOCK, COARSE, Grid, Query, QueryError, QueryRules, Scratch};
+use super::pattern::{COARSE, Grid, QueryError, QueryRules, Scratch};
+use super::query::{BLOCK, Query};
 use crate::core::computation::Monitor;
 use crate::soundtrack::motion::MotionCurve;
 use rayon::prelude::*;
@@ -84,8 +85,8 @@ pub fn best_matches(
     monitor: &Monitor<'_>,
 ) -> Result<Vec<MotionMatch>, QueryError> {
     let query = Query::new(curve, source, interval, rules)?;
-    let grids: Vec<Grid> = query.lengths().into_iter().map(|len| Grid::new(len, query.frames)).collect();
-    let most = query.most;
+    let grids = query.grids();
+    let most = query.pattern.most;
     if rules.count == Some(1) {
         return Ok(best_match(&query, &grids, monitor)?.into_iter().collect());
     }
@@ -95,7 +96,7 @@ pub fn best_matches(
         if !query.normalise(grid, start, scratch) {
             return None;
         }
-        let bound = query.bound(grid, start, &scratch.normal, COARSE, most);
+        let bound = query.pattern.bound(grid, query.window(grid, start), &scratch.normal, COARSE, most);
         (bound <= most).then(|| {
             let (start, len, grid) = (start as u32, grid.len as u32, g as u32);
             Reverse(Ranked { bound: bound.to_bits(), step: Step::Coarse, start, len, grid })
@@ -119,11 +120,17 @@ pub fn best_matches(
             }
             Step::Coarse => {
                 query.normalise(grid, at, &mut scratch);
-                query.full_bound(grid, at, &mut scratch, most).map(|bound| (bound, Step::Full))
+                query
+                    .pattern
+                    .full_bound(grid, query.window(grid, at), &mut scratch, most)
+                    .map(|bound| (bound, Step::Full))
             }
             Step::Full => {
                 query.normalise(grid, at, &mut scratch);
-                query.distance(grid, at, &mut scratch, most).map(|squared| (squared, Step::Exact))
+                query
+                    .pattern
+                    .distance(grid, query.window(grid, at), &mut scratch, most)
+                    .map(|squared| (squared, Step::Exact))
             }
         };
         if let Some((bound, step)) = next {
@@ -147,11 +154,12 @@ fn best_match(
     monitor: &Monitor<'_>,
 ) -> Result<Option<MotionMatch>, QueryError> {
     // Bits of the least squared distance so far, which are in the order of the numbers.
-    let least = AtomicU64::new(query.most.to_bits());
+    let least = AtomicU64::new(query.pattern.most.to_bits());
     let most = || f64::from_bits(least.load(Ordering::Relaxed));
     let compare = |g: usize, start: usize, scratch: &mut Scratch| {
-        query.full_bound(&grids[g], start, scratch, most())?;
-        let squared = query.distance(&grids[g], start, scratch, most())?;
+        let (grid, window) = (&grids[g], query.window(&grids[g], start));
+        query.pattern.full_bound(grid, window, scratch, most())?;
+        let squared = query.pattern.distance(grid, window, scratch, most())?;
         least.fetch_min(squared.to_bits(), Ordering::Relaxed);
         Some((squared.to_bits(), start, grids[g].len, g))
     };
@@ -162,7 +170,13 @@ fn best_match(
     for (g, grid) in grids.iter().enumerate() {
         for start in (0..query.starts(grid)).step_by(stride) {
             if query.normalise(grid, start, &mut scratch) {
-                let bound = query.bound(grid, start, &scratch.normal, COARSE, query.most);
+                let bound = query.pattern.bound(
+                    grid,
+                    query.window(grid, start),
+                    &scratch.normal,
+                    COARSE,
+                    query.pattern.most,
+                );
                 first.push((bound.to_bits(), g, start));
             }
         }
@@ -201,19 +215,20 @@ pub fn find_matches(
     monitor: &Monitor<'_>,
 ) -> Result<Vec<MotionMatch>, QueryError> {
     let query = Query::new(curve, source, interval, rules)?;
-    let grids: Vec<Grid> = query.lengths().into_iter().map(|len| Grid::new(len, query.frames)).collect();
+    let grids = query.grids();
     windows(
         &query,
         &grids,
         monitor,
-        || query.most,
+        || query.pattern.most,
         |g, start, scratch| {
             let grid = &grids[g];
             if !query.normalise(grid, start, scratch) {
                 return None;
             }
-            query.full_bound(grid, start, scratch, query.most)?;
-            let squared = query.distance(grid, start, scratch, query.most)?;
+            query.pattern.full_bound(grid, query.window(grid, start), scratch, query.pattern.most)?;
+            let squared =
+                query.pattern.distance(grid, query.window(grid, start), scratch, query.pattern.most)?;
             Some(query.found(grid, start, squared))
         },
     )

@@ -1,7 +1,7 @@
 //! The node `SoundSpot`.
 
 use super::matches::MotionMatches;
-use super::spotting::spots;
+use super::spotting::{SpotMode, spots};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -16,7 +16,7 @@ params! {
     /// Finds the passages of a recording that sound like one of it.
     ///
     /// Link `spots` to a `MatchScore`: all passages together are its sound. Mel cepstra of the passage are compared with all parts from half to
-    /// twice its length. The passage itself is the first.
+    /// twice its length, by dynamic time warping or as strings. The passage itself is the first.
     ///
     /// # Source
     /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 5.2, after Spevak and Polfreman, "Sound spotting - a
@@ -28,6 +28,8 @@ params! {
         from: f64, unit "s", range 0.0..=86_400.0;
         /// End of the passage.
         to: f64, unit "s", range 0.0..=86_400.0;
+        /// How passages are compared.
+        mode: SpotMode = SpotMode::Warping;
         /// Greatest number of passages.
         count: usize = 8, unit "", range 1..=10_000;
         /// Least similarity: 1 for the passage itself, 0.37 for the middle of the recording.
@@ -64,7 +66,7 @@ impl Func for SoundSpot {
         let frames = channels.first().map_or(0, Vec::len);
         let mean = |k: usize| channels.iter().map(|x| x[k]).sum::<f32>() / channels.len() as f32;
         let mono: Vec<f32> = (0..frames).map(mean).collect();
-        let mut matches = spots(&mono, tree.rate, (p.from, p.to), p.count, p.least)
+        let mut matches = spots(&mono, tree.rate, (p.from, p.to), p.mode, p.count, p.least)
             .map_err(|e| Fault::new("F156", e.to_string()).at("from"))?;
         matches.sort_by(|a, b| a.from.total_cmp(&b.from));
         let summary = vec![("spots", matches.len().into())];

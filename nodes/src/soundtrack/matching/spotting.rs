@@ -1,6 +1,8 @@
 //! Intervals of a recording that sound like one of it.
 
 use super::matches::MotionMatch;
+use super::som::{Cell, string_matches, units};
+use crate::choices;
 use crate::core::time::Rate;
 use crate::feature::MelCepstrum;
 use crate::feature::conventions::{
@@ -17,6 +19,19 @@ const FRAME: (f64, f64, f64) = (1024.0, 256.0, 32_000.0);
 const FLOOR: f64 = 1e-10;
 /// The least number of frames of a query.
 const MIN_FRAMES: usize = 3;
+
+choices! {
+    /// How passages are compared.
+    pub enum SpotMode {
+        /// Mel cepstra by dynamic time warping.
+        Warping,
+        /// Strings of the units of a self-organising map of the mel cepstra.
+        Strings,
+    }
+}
+
+/// Seed of the map.
+const SEED: u64 = 1;
 
 /// The reason why an interval cannot be searched for.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -85,14 +100,6 @@ fn features(x: &[f32], rate: f64) -> (Vec<[f32; 2 * COEFFICIENTS]>, f64) {
     (all, rate / hop as f64)
 }
 
-/// The best alignment of a query that ends at a frame.
-#[derive(Clone, Copy)]
-struct Cell {
-    cost: f64,
-    steps: u32,
-    start: u32,
-}
-
 const NONE: Cell = Cell { cost: f64::INFINITY, steps: 0, start: 0 };
 
 /// The best alignment of a query with a part of a sequence that ends at each frame, with the steps (1, 1), (1, 2) and (2, 1).
@@ -123,7 +130,7 @@ fn alignments<const N: usize>(query: &[[f32; N]], all: &[[f32; N]]) -> Vec<Cell>
 
 /// The intervals of a recording that sound most like one of it, that itself among them: at most `count`, the most similar first.
 ///
-/// Mel cepstra of the interval are aligned with every part of half to twice its length; the similarity is `exp(-c / m)` with the mean distance
+/// Mel cepstra of the interval are aligned with every part of half to twice its length, or the strings of their units in a map of 8 by 8; the similarity is `exp(-c / m)` with the mean distance
 /// `c` along the alignment and its median `m` over the recording. Parts closer to a better one than half of the interval are left out.
 ///
 /// # Errors
@@ -133,12 +140,13 @@ fn alignments<const N: usize>(query: &[[f32; N]], all: &[[f32; N]]) -> Vec<Cell>
 /// Frames of the recording times frames of the interval.
 ///
 /// # Source
-/// Spevak and Polfreman, "Sound spotting - a frame-based approach" (ISMIR 2001), which Cardle et al. use; dynamic time warping in place of a
-/// self-organising map is a choice.
+/// Spevak and Polfreman, "Sound spotting - a frame-based approach" (ISMIR 2001), which Cardle et al. use, with self-organising maps and strings;
+/// dynamic time warping is a choice.
 pub fn spots(
     x: &[f32],
     rate: f64,
     (from, to): (f64, f64),
+    mode: SpotMode,
     count: usize,
     least: f64,
 ) -> Result<Vec<MotionMatch>, SpotError> {
@@ -147,7 +155,13 @@ pub fn spots(
     if b > all.len() || b < a + MIN_FRAMES {
         return Err(SpotError { from, to, end: x.len() as f64 / rate, needed: MIN_FRAMES as f64 / frames });
     }
-    let ends = alignments(&all[a..b], &all);
+    let ends = match mode {
+        SpotMode::Warping => alignments(&all[a..b], &all),
+        SpotMode::Strings => {
+            let text = units(&all, SEED);
+            string_matches(&text[a..b], &text)
+        }
+    };
     let mean = |cell: &Cell| cell.cost / f64::from(cell.steps.max(1));
     let mut costs: Vec<f64> = ends.iter().map(mean).filter(|c| c.is_finite()).collect();
     costs.sort_by(f64::total_cmp);
@@ -197,21 +211,24 @@ mod tests {
                 x[(start * rate) as usize + k] += (0.08 * phase.sin()) as f32;
             }
         }
-        let mut found = spots(&x, rate, (1.0, 1.4), 20, 0.5).unwrap();
-        assert!((found[0].from - 1.0).abs() < 0.01 && found[0].similarity == 1.0, "{found:?}");
-        found.sort_by(|a, b| a.from.total_cmp(&b.from));
-        assert_eq!(found.len(), starts.len(), "{found:?}");
-        for (spot, start) in found.iter().zip(starts) {
-            assert!((spot.from - start).abs() < 0.02 && (spot.to - start - 0.4).abs() < 0.03, "{spot:?}");
+        for mode in [SpotMode::Warping, SpotMode::Strings] {
+            let mut found = spots(&x, rate, (1.0, 1.4), mode, 20, 0.5).unwrap();
+            assert!((found[0].from - 1.0).abs() < 0.01 && found[0].similarity == 1.0, "{found:?}");
+            found.sort_by(|a, b| a.from.total_cmp(&b.from));
+            assert_eq!(found.len(), starts.len(), "{found:?}");
+            for (spot, start) in found.iter().zip(starts) {
+                assert!((spot.from - start).abs() < 0.03 && (spot.to - start - 0.4).abs() < 0.04, "{spot:?}");
+            }
+            assert_eq!(spots(&x, rate, (1.0, 1.4), mode, 2, 0.5).unwrap().len(), 2);
         }
-        assert_eq!(spots(&x, rate, (1.0, 1.4), 2, 0.5).unwrap().len(), 2);
-        assert!(spots(&x, rate, (9.9, 10.5), 2, 0.5).unwrap_err().to_string().contains("ends at 10.000 s"));
-        assert!(spots(&x, rate, (1.0, 1.001), 2, 0.5).is_err());
+        let spots = |interval| spots(&x, rate, interval, SpotMode::Warping, 2, 0.5);
+        assert!(spots((9.9, 10.5)).unwrap_err().to_string().contains("ends at 10.000 s"));
+        assert!(spots((1.0, 1.001)).is_err());
     }
 
     #[test]
     fn silence_has_no_preference() {
-        let found = spots(&[0.0; 32_000], 32_000.0, (0.2, 0.4), 3, 0.1).unwrap();
+        let found = spots(&[0.0; 32_000], 32_000.0, (0.2, 0.4), SpotMode::Warping, 3, 0.1).unwrap();
         assert!(!found.is_empty() && found.iter().all(|m| m.similarity.is_finite()));
     }
 }

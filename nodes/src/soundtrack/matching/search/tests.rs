@@ -1,6 +1,6 @@
 use super::super::dtw::distance;
 use super::super::overlap::most_similar;
-use super::super::query::Normalisation;
+use super::super::pattern::Normalisation;
 use super::*;
 use crate::core::computation::unmonitored;
 use crate::core::random::Rng;
@@ -24,11 +24,11 @@ fn walk(n: usize, seed: u64) -> Vec<f32> {
 fn naive(curve: &MotionCurve, interval: (f64, f64), rules: QueryRules) -> Vec<MotionMatch> {
     let query = Query::new(curve, curve, interval, rules).unwrap();
     let mut found = Vec::new();
-    for len in query.lengths() {
+    for len in query.grids().iter().map(|grid| grid.len) {
         for start in 0..=curve.frames() - len {
             let mut window = Vec::new();
-            for j in 0..query.frames {
-                let at = j as f64 * (len - 1) as f64 / (query.frames - 1) as f64;
+            for j in 0..query.pattern.frames {
+                let at = j as f64 * (len - 1) as f64 / (query.pattern.frames - 1) as f64;
                 let (k, t) = (at as usize, at - at.floor());
                 for c in 0..curve.channels {
                     let x = |k: usize| curve.values[(start + k.min(len - 1)) * curve.channels + c];
@@ -47,8 +47,9 @@ fn naive(curve: &MotionCurve, interval: (f64, f64), rules: QueryRules) -> Vec<Mo
                 let own = window.iter_mut().skip(c).step_by(curve.channels);
                 own.for_each(|x| *x = ((f64::from(*x) - mean) * factor) as f32);
             }
-            let d = distance(&query.values, &window, curve.channels, query.radius, 1e9).unwrap();
-            let similarity = (-d / (query.frames as f64).sqrt() / query.deviation).exp();
+            let d =
+                distance(&query.pattern.values, &window, curve.channels, query.pattern.radius, 1e9).unwrap();
+            let similarity = (-d / (query.pattern.frames as f64).sqrt() / query.pattern.deviation).exp();
             if similarity >= rules.threshold {
                 let at = |k: usize| k as f64 / curve.rate;
                 found.push(MotionMatch { from: at(start), to: at(start + len), similarity });

@@ -2,8 +2,9 @@ use super::*;
 use crate::core::feed::Feed;
 use crate::core::item::AnyValue;
 use crate::core::standalone::Standalone;
+use crate::dsp::{Band, Butterworth, zero_phase};
 use crate::soundtrack::score::read_score;
-use crate::soundtrack::synthesis::Synthesizer;
+use crate::soundtrack::synthesis::{SourcePosition, Synthesizer};
 use crate::soundtrack::wavelet::{ThresholdRules, TreeRecording, TreeRules, Wavelet, WaveletTree, inverse};
 
 const RATE: Rate = Rate::hz(8000);
@@ -216,4 +217,105 @@ fn a_stream_of_another_model_begins_anew() {
         new.follow(&old);
         assert_eq!(play(&mut new, channels) == goes_on, is_same, "{channels} {wavelet:?}");
     }
+}
+
+/// The level of a band of octaves around `centre`, dB.
+fn octave(x: &[f32], centre: f64) -> f64 {
+    let x: Vec<f64> = x.iter().map(|x| f64::from(*x)).collect();
+    let pass = |band, cutoff| Butterworth::design(band, 4, cutoff, 8000.0).unwrap();
+    let y = zero_phase(&pass(Band::LowPass, centre * 1.414), &x);
+    let y = zero_phase(&pass(Band::HighPass, centre / 1.414), &y);
+    let inner = &y[400..y.len() - 400];
+    10.0 * (inner.iter().map(|y| y * y).sum::<f64>() / inner.len() as f64 + 1e-15).log10()
+}
+
+#[test]
+fn hard_constraints_are_heard() {
+    // Low noise falls by 18 dB an octave, far below the high noise and the other way round.
+    let mut rng = Rng::new(5);
+    let white: Vec<f64> = (0..48_000).map(|_| rng.between(-0.3, 0.3)).collect();
+    let pass = |band, cutoff| Butterworth::design(band, 4, cutoff, 8000.0).unwrap();
+    let low = zero_phase(&pass(Band::LowPass, 200.0), &white[..24_000]);
+    let high = zero_phase(&pass(Band::HighPass, 1500.0), &white[24_000..]);
+    let channel: Vec<f32> = low.into_iter().chain(high).map(|x| x as f32).collect();
+    let source = [channel[800..23_200].to_vec(), channel[24_800..47_200].to_vec()];
+    let recording = TreeRecording { name: "a.wav".into(), content: String::new(), channels: vec![channel] };
+    let rules = TreeRules { block: Some(0.05), ..TreeRules::default() };
+    let tree = WaveletTree::analyse(8000.0, &[recording], &rules).unwrap();
+    let model = TextureModel::new(tree, &ThresholdRules::default());
+    let text = "SoundScore(sources: [(name: \"low\", segments: [(0.05, 2.95)], outside: Exclude), (name: \"high\", segments: [(3.05, 5.95)])],
+        targets: [(source: \"low\", from: 0, to: 3), (source: \"high\", from: 3.5, to: 6)])";
+    let run = Standalone::new::<TextureSynthesis>(TextureSynthesisParams { duration: Some(6.0), ..params() })
+        .value(TextureSynthesisPorts::model, model)
+        .feed(TextureSynthesisPorts::score.index(), Feed::value(AnyValue::new(read_score(text).unwrap())));
+    let x = audio(&run);
+    let (wanted, without) = (&x[800..23_200], &x[28_800..47_200]);
+    for centre in [63.0, 125.0, 250.0] {
+        // Within 1 dB of the range of the thirds of the sound.
+        let parts: Vec<f64> = source[0].chunks(7400).map(|x| octave(x, centre)).collect();
+        let (least, most) =
+            parts.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+        let found = octave(wanted, centre);
+        assert!(found > least - 1.0 && found < most + 1.0, "{centre}: {found} of {least} to {most}");
+        // Where it is excluded it is 30 dB down.
+        assert!(octave(without, centre) < found - 30.0, "{centre}: {} {found}", octave(without, centre));
+    }
+    let (found, own) = (octave(without, 2000.0), octave(&source[1], 2000.0));
+    assert!((found - own).abs() < 1.0, "{found} {own}");
+}
+
+#[test]
+fn a_look_ahead_brings_what_leads_to_a_sound() {
+    // A rising tone always leads to a burst; between them is noise.
+    let mut rng = Rng::new(6);
+    let (rate, count) = (8000.0, 12);
+    let mut channel = Vec::new();
+    for _ in 0..count {
+        channel.extend((0..8000).map(|_| rng.between(-0.05, 0.05) as f32));
+        channel.extend((0..4000).map(|k| {
+            let t = f64::from(k) / rate;
+            (0.3 * (2.0 * std::f64::consts::PI * (300.0 + 400.0 * t) * t).sin() + rng.between(-0.05, 0.05))
+                as f32
+        }));
+        channel
+            .extend((0..4000).map(|k| (f64::from(-k) / 1000.0).exp() as f32 * rng.between(-1.0, 1.0) as f32));
+    }
+    let recording = TreeRecording { name: "a.wav".into(), content: String::new(), channels: vec![channel] };
+    let rules = TreeRules { block: Some(0.13), ..TreeRules::default() };
+    let tree = WaveletTree::analyse(rate, &[recording], &rules).unwrap();
+    let model = TextureModel::new(tree, &ThresholdRules::default());
+    let segments: Vec<String> =
+        (0..count).map(|k| format!("({}, {})", 2.0 * f64::from(k) + 1.5, 2.0 * f64::from(k) + 1.9)).collect();
+    let targets: Vec<String> =
+        (0..20).map(|k| format!("(source: \"boom\", from: {0}, to: {0}.4)", 3 * k + 2)).collect();
+    let text = format!(
+        "SoundScore(pad: 0, sources: [(name: \"boom\", segments: [{}], outside: Exclude)], targets: [{}])",
+        segments.join(","),
+        targets.join(",")
+    );
+    let led = |look_ahead: f64| {
+        let p = TextureSynthesisParams {
+            duration: Some(62.0),
+            look_ahead: Some(look_ahead),
+            max_run: None,
+            ..params()
+        };
+        let run =
+            Standalone::new::<TextureSynthesis>(p).value(TextureSynthesisPorts::model, model.clone()).feed(
+                TextureSynthesisPorts::score.index(),
+                Feed::value(AnyValue::new(read_score(&text).unwrap())),
+            );
+        let run = run.run().unwrap();
+        let positions = run.stream(TextureSynthesisPorts::positions);
+        // Targets before which the tone is heard for most of 0.3 s.
+        let is_led = |k: &usize| {
+            let end = (3 * k + 2) * 4000 - 200;
+            let own = &positions[end - 1200..end];
+            let is_tone = |p: &&SourcePosition| (1.0..1.5).contains(&(f64::from(p.seconds) % 2.0));
+            own.iter().filter(is_tone).count() > 600
+        };
+        (0..20).filter(is_led).count()
+    };
+    let (with, without) = (led(0.4), led(0.0));
+    assert!(with >= 16 && without <= 6, "{with} {without} of 20");
 }

@@ -1,0 +1,287 @@
+//! The node `GestureSpotter`.
+
+use super::pattern::{Grid, Normalisation, Pattern, QueryRules, Scratch};
+use crate::core::fault::{Fault, Reject};
+use crate::core::files::MemoryFiles;
+use crate::core::item::Channels;
+use crate::core::node::{Class, Node, Summary};
+use crate::core::params::Params;
+use crate::core::ports::{Stream, Value};
+use crate::core::random::Rng;
+use crate::core::shape::{Build, Shape};
+use crate::soundtrack::motion::MotionCurve;
+use crate::{archive_state, params, ports};
+
+params! {
+    /// Recognises a gesture in a motion as it comes: `weight` rises when the motion was like the query.
+    ///
+    /// At each frame the parts of the motion that end there, from half to twice the length of the query, are compared with it as by `MotionQuery`. A part
+    /// that is similar enough is recognised at once, at its end; the next is recognised half of a query later at the earliest. A `MotionQuery` over the
+    /// whole motion takes the most similar of parts that overlap, and so may find it a few frames earlier or later.
+    ///
+    /// # Source
+    /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 5.2, for motions that are complete. This form is ours.
+    pub struct GestureSpotterParams {
+        /// Start of the query.
+        from: f64, unit "s", range 0.0..=86_400.0;
+        /// End of the query.
+        to: f64, unit "s", range 0.0..=86_400.0;
+        /// Least similarity.
+        threshold: f64 = 0.7, unit "", range 0.001..=1.0;
+        /// Shortest part, as a factor of the query.
+        shortest: f64 = 0.5, unit "", range 0.05..=1.0;
+        /// Longest part, as a factor of the query.
+        longest: f64 = 2.0, unit "", range 1.0..=20.0;
+        /// Deviation from a uniform change of tempo, as a share of the query.
+        radius: f64 = 0.1, unit "", range 0.0..=1.0;
+        /// What is removed before motions are compared.
+        normalisation: Normalisation = Normalisation::Offset;
+        /// How long the weight holds after the gesture; None for the length of the query.
+        hold: Option<f64> = None, unit "s", range 0.0..=3600.0;
+        /// The weight of a gesture.
+        gain: f64 = 1.0, unit "", range -1.0..=1.0;
+        /// The weight without one.
+        rest: f64 = 0.0, unit "", range -1.0..=1.0;
+    }
+}
+ports! {
+    pub struct GestureSpotterPorts / GestureSpotterIo {
+        in {
+            /// The motion.
+            motion: Stream<f32>,
+            /// The motion that the query is a part of.
+            query: Value<MotionCurve>,
+        }
+        out {
+            /// `gain` from the end of each gesture on, `rest` otherwise.
+            weight: Stream<f32>,
+            /// Similarity of the most similar part that ends at the frame; 0 below the threshold.
+            similarity: Stream<f32>,
+        }
+    }
+}
+
+/// Longest query, frames.
+const MAX_FRAMES: f64 = 100_000.0;
+
+/// The node over [`Pattern::compare`].
+pub struct GestureSpotter {
+    pattern: Pattern,
+    grids: Vec<Grid>,
+    scratch: Scratch,
+    /// Frames that the weight holds, and in which nothing is recognised after a gesture.
+    hold: i64,
+    pause: i64,
+    levels: [f32; 2],
+    /// Frame of the last gesture.
+    last: Option<i64>,
+    count: u64,
+}
+
+impl Node for GestureSpotter {
+    type Params = GestureSpotterParams;
+    type Ports = GestureSpotterPorts;
+    const NAME: &'static str = "GestureSpotter";
+    const CLASS: Class = Class::Audio;
+    const COST: f64 = 50.0;
+
+    fn shape(p: &GestureSpotterParams, s: &mut Shape<'_, '_, GestureSpotterPorts>) -> Result<(), Reject> {
+        let motion = s.input(GestureSpotterPorts::motion);
+        let frames = (p.to - p.from) * motion.rate.as_f64() * p.longest;
+        if p.to <= p.from || frames > MAX_FRAMES {
+            let message = format!(
+                "the query is from {} s to {} s; up to {MAX_FRAMES} frames with `longest` are compared",
+                p.from, p.to
+            );
+            return Err(Reject::new("F157", message)
+                .at("to")
+                .help("give an interval that ends after its start"));
+        }
+        // Rounding may give one frame more.
+        s.lookaround(GestureSpotterPorts::motion, frames.ceil() as usize + 1, 0);
+        s.output(GestureSpotterPorts::weight, motion.rate, Channels(1));
+        s.output(GestureSpotterPorts::similarity, motion.rate, Channels(1));
+        Ok(())
+    }
+
+    fn build(p: &GestureSpotterParams, cx: &Build<'_>) -> Result<Self, Fault> {
+        let (motion, query) = (cx.input(GestureSpotterPorts::motion), cx.value(GestureSpotterPorts::query));
+        let (rate, channels) = (motion.rate.as_f64(), usize::from(motion.format.0));
+        if query.channels != channels || (query.rate - rate).abs() > 1e-6 {
+            let message = format!(
+                "the query has {} channels at {} Hz, the motion {channels} at {rate} Hz",
+                query.channels, query.rate
+            );
+            return Err(Fault::new("F157", message).at("query"));
+        }
+        let rules = QueryRules {
+            shortest: p.shortest,
+            longest: p.longest,
+            threshold: p.threshold,
+            radius: p.radius,
+            normalisation: p.normalisation,
+            exhaustive: false,
+            count: None,
+        };
+        let pattern = Pattern::new(&query, (p.from, p.to), rules)
+            .map_err(|e| Fault::new("F157", e.to_string()).at("from"))?;
+        let lengths = pattern.lengths(usize::MAX);
+        let grids = lengths.into_iter().map(|len| Grid::new(len, pattern.frames)).collect();
+        let mut spotter = Self {
+            hold: p.hold.map_or(pattern.frames as f64, |hold| (hold * rate).round()) as i64,
+            pause: (pattern.frames / 2).max(1) as i64,
+            levels: [p.rest, p.gain].map(|x| x as f32),
+            pattern,
+            grids,
+            scratch: Scratch::default(),
+            last: None,
+            count: 0,
+        };
+        // The buffers have their room before the first frame.
+        if let Some(grid) = spotter.grids.last() {
+            let zeros = vec![0.0; grid.len * channels];
+            let _ = spotter.pattern.compare(grid, &zeros, &mut spotter.scratch, f64::INFINITY);
+        }
+        Ok(spotter)
+    }
+
+    fn run(&mut self, mut io: GestureSpotterIo<'_>) -> Result<(), Fault> {
+        let (first, behind, width) = (io.motion.first(), io.motion.behind(), io.motion.width());
+        let around = io.motion.around();
+        for k in 0..io.weight.len() {
+            let frame = first + k as i64;
+            let end = behind + k + 1;
+            let mut least = self.pattern.most;
+            let mut found = false;
+            for grid in &self.grids {
+                // What is before the first frame is no motion.
+                if grid.len as i64 > frame + 1 || grid.len > end {
+                    continue;
+                }
+                let window = &around[(end - grid.len) * width..end * width];
+                if let Some(squared) = self.pattern.compare(grid, window, &mut self.scratch, least) {
+                    (least, found) = (squared, true);
+                }
+            }
+            if found && self.last.is_none_or(|last| frame >= last + self.pause) {
+                self.last = Some(frame);
+                self.count += 1;
+            }
+            let is_on = self.last.is_some_and(|last| frame < last + self.hold.max(1));
+            io.weight.items()[k] = self.levels[usize::from(is_on)];
+            io.similarity.items()[k] = if found { self.pattern.similarity(least) as f32 } else { 0.0 };
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, _: GestureSpotterIo<'_>) -> Result<Summary, Fault> {
+        Ok(vec![("gestures", self.count.into())])
+    }
+
+    archive_state!(last, count);
+
+    fn trial(rng: &mut Rng) -> (GestureSpotterParams, MemoryFiles) {
+        let from = rng.between(0.0, 3.0);
+        let p = GestureSpotterParams {
+            from,
+            to: from + rng.between(0.5, 2.0),
+            threshold: rng.between(0.3, 0.9),
+            shortest: 0.5,
+            longest: 2.0,
+            radius: 0.1,
+            ..GestureSpotterParams::trial(rng)
+        };
+        (p, MemoryFiles::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::computation::unmonitored;
+    use crate::core::standalone::Standalone;
+    use crate::core::time::{Rate, ticks};
+    use crate::soundtrack::matching::best_matches;
+
+    const RATE: Rate = Rate::hz(50);
+
+    /// A wandering motion with a gesture at 2 s, 6 s (as fast again) and 10 s (half as fast).
+    fn motion() -> MotionCurve {
+        let mut rng = Rng::new(4);
+        let mut x = 0.0;
+        let mut values: Vec<f32> = (0..700)
+            .map(|_| {
+                x = 0.98 * x + rng.between(-0.03, 0.03);
+                x as f32
+            })
+            .collect();
+        for (start, frames) in [(100, 50), (300, 25), (500, 100)] {
+            for k in 0..frames {
+                let t = f64::from(k) / f64::from(frames);
+                values[start + k as usize] +=
+                    (2.0 * (9.0 * t).sin() * (std::f64::consts::PI * t).sin()) as f32;
+            }
+        }
+        MotionCurve { rate: 50.0, channels: 1, values, gaps: Vec::new() }
+    }
+
+    fn spotter(p: GestureSpotterParams) -> Standalone {
+        let motion = motion();
+        Standalone::new::<GestureSpotter>(p)
+            .input(GestureSpotterPorts::motion, RATE, Channels(1), motion.values.clone())
+            .value(GestureSpotterPorts::query, motion)
+    }
+
+    fn params() -> GestureSpotterParams {
+        let read = |field: &str| match field {
+            "from" => Some(crate::core::params::Datum::Float(2.0)),
+            "to" => Some(crate::core::params::Datum::Float(3.0)),
+            _ => None,
+        };
+        GestureSpotterParams::read(&read).unwrap()
+    }
+
+    #[test]
+    fn gestures_are_recognised_at_their_ends() {
+        let run = spotter(params()).run().unwrap();
+        let weight = run.stream(GestureSpotterPorts::weight);
+        let rises: Vec<usize> =
+            (1..weight.len()).filter(|k| weight[*k] == 1.0 && weight[k - 1] == 0.0).collect();
+        assert_eq!(rises.len(), 3, "{rises:?}");
+        for (rise, end) in rises.iter().zip([150_usize, 325, 600]) {
+            assert!(rise.abs_diff(end) <= 12, "{rise} {end}");
+        }
+        // They hold for the length of the query.
+        assert_eq!(weight.iter().filter(|w| **w == 1.0).count(), 150);
+        // The same are found over the whole motion, each with at least this similarity.
+        let rules = QueryRules::default();
+        let all = best_matches(&motion(), &motion(), (2.0, 3.0), rules, &unmonitored).unwrap();
+        assert_eq!(all.len(), 3, "{all:?}");
+        let similarity = run.stream(GestureSpotterPorts::similarity);
+        for found in &all {
+            let end = (found.to * 50.0).round() as usize - 1;
+            assert!(
+                (f64::from(similarity[end]) - found.similarity).abs() < 1e-4,
+                "{found:?} {}",
+                similarity[end]
+            );
+        }
+    }
+
+    #[test]
+    fn windows_of_any_length_give_the_same_weights() {
+        let whole = spotter(params()).run().unwrap().stream(GestureSpotterPorts::similarity);
+        for seconds in [0.02, 0.13, 1.7] {
+            let run = spotter(params()).window(ticks(seconds)).run().unwrap();
+            assert_eq!(run.stream(GestureSpotterPorts::similarity), whole, "{seconds}");
+        }
+    }
+
+    #[test]
+    fn queries_that_do_not_fit_are_named() {
+        let e = spotter(GestureSpotterParams { to: 1.0, ..params() }).shape().unwrap_err();
+        assert!(e.code == "F157" && e.field.as_deref() == Some("to"), "{e}");
+        let e = spotter(GestureSpotterParams { to: 99.0, ..params() }).run().err().unwrap();
+        assert!(e.message.contains("the curve ends at 14.000 s"), "{e}");
+    }
+}
