@@ -101,7 +101,7 @@ pub enum MeshError {
         available: Vec<String>,
     },
     /// No object was named, and not exactly one is animated.
-    #[error("{animated} objects are animated; name one object: {}", list_of(MAX_OBJECTS, .available))]
+    #[error("{} animated; name one object: {}", count_of_objects(*.animated), list_of(MAX_OBJECTS, .available))]
     AmbiguousObject {
         /// Number of animated objects.
         animated: usize,
@@ -236,6 +236,10 @@ const MAX_OBJECTS: usize = 40;
 /// Names for an error message: at most twelve, then the number of the others.
 fn list(names: &[String]) -> String {
     list_of(12, names)
+}
+
+fn count_of_objects(count: usize) -> String {
+    if count == 0 { "no object is".to_owned() } else { format!("{count} objects are") }
 }
 
 /// Names for an error message: at most `max`, then the number of the others.

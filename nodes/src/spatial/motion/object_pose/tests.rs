@@ -275,7 +275,7 @@ fn objects_that_are_not_the_only_one_must_be_named() {
     assert!(e.message.ends_with("2 objects are animated; name one object: /a, /b"), "{e}");
     assert!(e.help.unwrap().contains("`object: \"/b\"`"));
     let e = refused(defaults("two.abc"), &file(&still, &still));
-    assert!(e.message.ends_with("0 objects are animated; name one object: /a, /a/cube, /b, /b/cube"), "{e}");
+    assert!(e.message.ends_with("no object is animated; name one object: /a, /a/cube, /b, /b/cube"), "{e}");
     assert_eq!(poses(defaults("two.abc"), &file(&still, &moving))[1].position, [1.0, -1.0, 1.0]);
     assert!(refused(params("two.abc", "cube"), &file(&still, &moving)).message.contains("no single object"));
     assert_eq!(poses(params("two.abc", "b/cube"), &file(&still, &moving)).len(), 2);
