@@ -113,6 +113,7 @@ use crate::soundtrack::matching::fragment_path::FragmentPathNode;
 use crate::soundtrack::matching::gesture_spotter::GestureSpotter;
 use crate::soundtrack::matching::match_score::MatchScore;
 use crate::soundtrack::matching::motion_query::MotionQuery;
+use crate::soundtrack::matching::path_frames::PathFrames;
 use crate::soundtrack::matching::path_score::PathScore;
 use crate::soundtrack::matching::sound_spot::SoundSpot;
 use crate::soundtrack::motion::contact_curve::ContactCurve;
@@ -497,6 +498,7 @@ impl Registry {
             .with_func::<MatchScore>()
             .with_func::<SoundSpot>()
             .with_func::<FragmentPathNode>()
+            .with_func::<PathFrames>()
             .with_func::<PathScore>()
             .family("live")
             .with::<live_input::LiveContacts>()

@@ -183,7 +183,8 @@ fn ramps_that_cross_turn_one_sound_into_the_other() {
     // Nothing but the two sounds is heard: each of its recording.
     let is_first = |(recording, _): &(usize, f64)| *recording == 0;
     assert!(all[..48_000].iter().all(is_first) && !all[144_000..].iter().any(is_first));
-    assert!(summary(&report, "report", "satisfaction") > 0.7);
+    // Half of the time of each ramp the other sound has the greater share.
+    assert!(summary(&report, "report", "satisfaction") > 0.6);
 }
 
 #[test]
@@ -237,4 +238,26 @@ fn a_gesture_is_recognised_as_it_comes() {
     let calls = (0..115).filter(|k| is_call(0.1 * f64::from(*k), 0.1 * f64::from(*k) + 0.1) > 0.9).count();
     assert!((20..=32).contains(&calls), "{calls}");
     assert!(is_call(0.0, 2.2) < 0.01);
+}
+
+#[test]
+fn an_object_of_a_scene_directs_a_texture() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = ["positions", "weight"].map(|name| folder.path().join(format!("{name}.npy")));
+    let taps = [("sound.positions", &files[0]), ("weight.curve", &files[1])];
+    let taps = taps.map(|(port, file)| format!("{port}={}", file.display()));
+    foley(folder.path(), &["run", "graphs/numbers/scene.ron", "--tap", &taps[0], "--tap", &taps[1]]);
+    let [positions, weights] = files.map(|file| npy(&std::fs::read(file).unwrap()));
+    let is_call = |row: &[f32]| (2.4..4.2).contains(&row[1]);
+    // The swing is fast in the middle and turns at its ends: in fast thirds of a second more is the call.
+    let thirds = (0..17).map(|k| {
+        let weight = weights[20 * k..20 * k + 20].iter().map(|row| f64::from(row[0])).sum::<f64>() / 20.0;
+        let own = &positions[5333 * k..5333 * (k + 1)];
+        (weight, own.iter().filter(|row| is_call(row)).count() as f64 / own.len() as f64)
+    });
+    let mut thirds: Vec<(f64, f64)> = thirds.collect();
+    thirds.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mean = |part: &[(f64, f64)]| part.iter().map(|(_, share)| share).sum::<f64>() / part.len() as f64;
+    let (slow, fast) = (mean(&thirds[..6]), mean(&thirds[11..]));
+    assert!(fast > slow + 0.1, "{slow} {fast} {thirds:?}");
 }

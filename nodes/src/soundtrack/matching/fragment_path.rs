@@ -60,8 +60,6 @@ ports! {
         out {
             /// The fragments and the path.
             path: Value<FragmentPath>,
-            /// For each frame of the target the number of the frame of the source.
-            frames: Value<MotionCurve>,
         }
     }
 }
@@ -160,7 +158,6 @@ impl Func for FragmentPathNode {
             let text = "the new motion is one fragment: it does not turn, or is too short";
             summary.push(("warning", text.into()));
         }
-        io.frames.set(path.frames());
         io.path.set(path);
         Ok(summary)
     }

@@ -9,6 +9,7 @@ pub mod matches;
 pub mod motion_query;
 pub mod overlap;
 pub mod path;
+pub mod path_frames;
 pub mod path_score;
 pub mod pattern;
 pub mod query;

@@ -75,7 +75,7 @@ impl Func for SoundSpot {
     }
 
     fn trial(rng: &mut Rng) -> (SoundSpotParams, MemoryFiles) {
-        let from = rng.between(0.0, 0.03);
+        let from = rng.between(0.0, 0.02);
         let p = SoundSpotParams::trial(rng);
         (
             SoundSpotParams { recording: "".into(), from, to: from + rng.between(0.03, 0.05), count: 5, ..p },

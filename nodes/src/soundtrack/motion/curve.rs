@@ -92,6 +92,26 @@ impl MotionCurve {
         self.frames() as f64 / self.rate
     }
 
+    /// The motion at another rate, on straight lines between its frames. Gaps are kept.
+    #[must_use]
+    pub fn at_rate(&self, rate: f64) -> Self {
+        if (self.rate - rate).abs() < 1e-9 || self.frames() < 2 {
+            return Self { rate, ..self.clone() };
+        }
+        let ratio = self.rate / rate;
+        let count = (self.frames() as f64 / ratio).floor() as usize;
+        let mut values = Vec::with_capacity(count * self.channels);
+        for k in 0..count {
+            let at = (k as f64 * ratio).min((self.frames() - 1) as f64);
+            let j = (at as usize).min(self.frames() - 2);
+            let t = (at - j as f64) as f32;
+            values.extend(self.frame(j).iter().zip(self.frame(j + 1)).map(|(a, b)| a + t * (b - a)));
+        }
+        let scaled = |k: usize| ((k as f64 / ratio).round() as usize).min(count);
+        let gaps = self.gaps.iter().map(|(from, to)| (scaled(*from), scaled(*to))).filter(|(a, b)| a < b);
+        Self { rate, channels: self.channels, values, gaps: gaps.collect() }
+    }
+
     /// The numbers of a frame.
     #[must_use]
     pub fn frame(&self, k: usize) -> &[f32] {
@@ -154,6 +174,20 @@ mod tests {
         let two = MotionCurve::with_gaps(20.0, 2, vec![0.0, 5.0, nan, 6.0, 2.0, 7.0, 9.0]);
         assert_eq!((two.frames(), two.frame(1), two.gaps.len()), (3, &[1.0, 6.0][..], 0));
         assert!(MotionCurve::with_gaps(20.0, 1, vec![nan; 3]).gaps == [(0, 3)]);
+    }
+
+    #[test]
+    fn another_rate_keeps_times() {
+        let curve = MotionCurve {
+            rate: 4.0,
+            channels: 2,
+            values: (0..16).map(|k| k as f32).collect(),
+            gaps: vec![(2, 4)],
+        };
+        let fast = curve.at_rate(8.0);
+        assert_eq!((fast.frames(), fast.frame(3), fast.gaps.clone()), (16, &[3.0, 4.0][..], vec![(4, 8)]));
+        assert_eq!((fast.frame(15), curve.at_rate(2.0).frame(1)), (&[14.0, 15.0][..], &[4.0, 5.0][..]));
+        assert_eq!(curve.at_rate(4.0), curve);
     }
 
     #[test]

@@ -27,6 +27,8 @@ params! {
         channel: usize = 0, unit "", range 0..=1024;
         /// Frames per second of the source; None for those of the new picture.
         fps: Option<f64> = None, unit "Hz", range 1.0..=1000.0;
+        /// Longest target: within one, the sound of its frames may come in any order. None for no limit.
+        longest: Option<f64> = Some(0.1), unit "s", range 0.001..=86_400.0;
         /// Deviation from the speed of the source within one target.
         tolerance: f64 = 0.5, unit "frames", range 0.0..=1000.0;
         /// Time of a sound in the recording after that of its picture in the source.
@@ -48,32 +50,40 @@ ports! {
     }
 }
 
-/// The edits of frames at a rate, of a source with `fps`: one for each stretch in which each frame is within `tolerance` of where the first leads.
+/// The edits of frames: one for each stretch in which each frame is within the tolerance of where the first leads.
 /// Frames in gaps have none.
-fn edits(curve: &MotionCurve, channel: usize, fps: f64, tolerance: f64) -> Vec<Edit> {
-    let frames = curve.channel(channel);
+fn edits(curve: &MotionCurve, p: &FrameScoreParams) -> Vec<Edit> {
+    let frames = curve.channel(p.channel);
+    let fps = p.fps.unwrap_or(curve.rate);
     let step = fps / curve.rate;
-    let is_gap = |k: usize| curve.gaps.iter().any(|(from, to)| (*from..*to).contains(&k));
+    let most = p.longest.map_or(frames.len(), |longest| ((longest * curve.rate).round() as usize).max(1));
+    let is_gap = |k: usize| {
+        let next = curve.gaps.partition_point(|(_, to)| *to <= k);
+        curve.gaps.get(next).is_some_and(|(from, _)| *from <= k)
+    };
     let mut all = Vec::new();
     let mut first = 0;
     while first < frames.len() {
+        if is_gap(first) {
+            first += 1;
+            continue;
+        }
         let goes_on = |k: &usize| {
             let expected = frames[first] + (k - first) as f64 * step;
-            !is_gap(*k) && (frames[*k] - expected).abs() <= tolerance
+            !is_gap(*k) && (frames[*k] - expected).abs() <= p.tolerance
         };
-        let end = first + 1 + (first + 1..frames.len()).take_while(goes_on).count();
-        if !is_gap(first) {
-            let (from, to) = (first as f64 / curve.rate, end as f64 / curve.rate);
-            let start = frames[first].max(0.0) / fps;
-            let name = format!("frame {:.0}", frames[first].max(0.0));
-            all.push(Edit {
-                target: (from, to),
-                source: (start, start + to - from),
-                name,
-                line: first as u32 + 1,
-                ..Edit::default()
-            });
-        }
+        let end = first + 1 + (first + 1..frames.len().min(first + most)).take_while(goes_on).count();
+        let (from, to) = (first as f64 / curve.rate, end as f64 / curve.rate);
+        // Frames at another speed, within the tolerance, have the sound of these frames.
+        let last = frames[first..end].iter().fold(frames[first], |most, x| x.max(most));
+        let [start, stop] = [frames[first].max(0.0), last.max(0.0) + 1.0].map(|frame| frame / fps);
+        all.push(Edit {
+            target: (from, to),
+            source: (start, stop),
+            name: format!("frame {:.0}", frames[first].max(0.0)),
+            line: first as u32,
+            ..Edit::default()
+        });
         first = end;
     }
     all
@@ -105,10 +115,11 @@ impl Func for FrameScore {
                 format!("frame {k} shows frame {value} of the source; a number from 0 on is needed");
             return Err(Fault::new("F157", message).at("frames"));
         }
-        let all = edits(curve, p.channel, p.fps.unwrap_or(curve.rate), p.tolerance);
+        let all = edits(curve, p);
         let rules =
             EditRules { av_offset: p.av_offset, weight: p.weight, from_zero: false, ..EditRules::default() };
-        let score = edits_to_score(&all, &rules).map_err(|e| Fault::new("F156", e).at("frames"))?;
+        let score = edits_to_score(&all, &rules)
+            .map_err(|e| Fault::new("F156", e.replacen("line", "frame", 1)).at("frames"))?;
         let mut summary = Artefact::summary(&score);
         summary.push(("duration_s", score.duration.into()));
         io.score.set(score);
@@ -134,7 +145,7 @@ mod tests {
     }
 
     fn params() -> FrameScoreParams {
-        FrameScoreParams::read(&|_| None).unwrap()
+        FrameScoreParams { longest: None, ..FrameScoreParams::read(&|_| None).unwrap() }
     }
 
     #[test]
@@ -156,11 +167,15 @@ mod tests {
             [(0.0, 1.5, 4.0, 5.5), (1.5, 2.0, 0.5, 1.0), (2.0, 2.2, 4.4, 4.6), (2.2, 2.3, 4.5, 4.6)];
         assert_eq!(of(&found), expected);
         assert_eq!(found.duration, Some(2.3));
+        let short = score(FrameScoreParams { longest: Some(0.5), ..params() }, frames).unwrap();
+        assert_eq!(of(&short)[1], (0.5, 1.0, 4.5, 5.0));
         // At another frame rate of the source, and later sound.
         let twice: Vec<f32> = (0..10).map(|k| 20.0 + 2.4 * k as f32).collect();
         let p = FrameScoreParams { fps: Some(24.0), av_offset: 0.25, ..params() };
         let found = score(p, twice).unwrap();
-        assert_eq!((found.targets.len(), found.sources[0].segments[0].0), (1, 20.0 / 24.0 + 0.25));
+        let (from, to) = found.sources[0].segments[0];
+        assert_eq!((found.targets.len(), from), (1, 20.0 / 24.0 + 0.25));
+        assert!((to - (20.0 + 9.0 * 2.4 + 1.0) / 24.0 - 0.25).abs() < 1e-6, "{to}");
     }
 
     #[test]

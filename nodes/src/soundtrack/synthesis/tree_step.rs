@@ -215,7 +215,7 @@ mod tests {
         );
         assert_eq!(copied[0].0, 2.0 * drawn.0);
         assert_eq!((rows("ancestors").len(), rows("predecessors").len()), (3, 5));
-        assert!(found.plot().unwrap().matches("<circle").count() > 20);
+        assert!(found.plot().unwrap().matches("<circle").count() > 10);
         let leaf = TreeStepParams { level: 30, ..TreeStepParams::read(&|_| None).unwrap() };
         assert_eq!(table(leaf).unwrap_err().field.as_deref(), Some("level"));
     }

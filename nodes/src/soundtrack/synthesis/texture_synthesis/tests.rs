@@ -252,7 +252,7 @@ fn hard_constraints_are_heard() {
     let (wanted, without) = (&x[800..23_200], &x[28_800..47_200]);
     for centre in [63.0, 125.0, 250.0] {
         // Within 1 dB of the range of the thirds of the sound.
-        let parts: Vec<f64> = source[0].chunks(7400).map(|x| octave(x, centre)).collect();
+        let parts: Vec<f64> = source[0].chunks_exact(7400).map(|x| octave(x, centre)).collect();
         let (least, most) =
             parts.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
         let found = octave(wanted, centre);
@@ -271,7 +271,7 @@ fn a_look_ahead_brings_what_leads_to_a_sound() {
     let (rate, count) = (8000.0, 12);
     let mut channel = Vec::new();
     for _ in 0..count {
-        channel.extend((0..8000).map(|_| rng.between(-0.05, 0.05) as f32));
+        channel.extend((0..12_000).map(|_| rng.between(-0.05, 0.05) as f32));
         channel.extend((0..4000).map(|k| {
             let t = f64::from(k) / rate;
             (0.3 * (2.0 * std::f64::consts::PI * (300.0 + 400.0 * t) * t).sin() + rng.between(-0.05, 0.05))
@@ -285,7 +285,7 @@ fn a_look_ahead_brings_what_leads_to_a_sound() {
     let tree = WaveletTree::analyse(rate, &[recording], &rules).unwrap();
     let model = TextureModel::new(tree, &ThresholdRules::default());
     let segments: Vec<String> =
-        (0..count).map(|k| format!("({}, {})", 2.0 * f64::from(k) + 1.5, 2.0 * f64::from(k) + 1.9)).collect();
+        (0..count).map(|k| format!("({}, {})", 2.5 * f64::from(k) + 2.0, 2.5 * f64::from(k) + 2.4)).collect();
     let targets: Vec<String> =
         (0..20).map(|k| format!("(source: \"boom\", from: {0}, to: {0}.4)", 3 * k + 2)).collect();
     let text = format!(
@@ -311,7 +311,7 @@ fn a_look_ahead_brings_what_leads_to_a_sound() {
         let is_led = |k: &usize| {
             let end = (3 * k + 2) * 4000 - 200;
             let own = &positions[end - 1200..end];
-            let is_tone = |p: &&SourcePosition| (1.0..1.5).contains(&(f64::from(p.seconds) % 2.0));
+            let is_tone = |p: &&SourcePosition| (1.5..2.0).contains(&(f64::from(p.seconds) % 2.5));
             own.iter().filter(is_tone).count() > 600
         };
         (0..20).filter(is_led).count()
