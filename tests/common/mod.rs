@@ -62,7 +62,10 @@ pub fn is_whole(path: &Path) -> bool {
 /// Time at which a run of an example may be cut, to save time; a piece with marked moments runs whole.
 pub fn cut(path: &Path, seconds: f64) -> Option<Tick> {
     let graph = load(path, &LoadOptions::default()).graph?;
-    let marked = graph.nodes.iter().any(|node| ["CorrespondenceSet", "MotionQuery"].contains(&node.ty.name));
+    let marked = graph
+        .nodes
+        .iter()
+        .any(|node| ["CorrespondenceSet", "MotionQuery", "GestureSpotter"].contains(&node.ty.name));
     (!marked).then(|| ticks(seconds))
 }
 
