@@ -1,6 +1,7 @@
 //! The node `GestureSpotter`.
 
-use super::pattern::{Grid, Normalisation, Pattern, QueryRules, Scratch};
+use super::pattern::{Grid, Pattern, Scratch};
+use super::query_params::QueryParams;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -10,7 +11,7 @@ use crate::core::ports::{Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::soundtrack::motion::MotionCurve;
-use crate::{archive_state, params, ports};
+use crate::{archive_state, impl_state, params, ports};
 
 params! {
     /// Recognises a gesture in a motion as it comes: `weight` rises when the motion was like the query.
@@ -19,25 +20,16 @@ params! {
     /// that is similar enough is recognised at once, and the next one does not overlap it. A `MotionQuery` over the whole motion takes the most similar
     /// of parts that overlap; here a gesture is recognised as soon as its beginning is similar enough, and one that overlaps it is missed.
     ///
+    /// # Complexity
+    /// Per frame at most nine comparisons, of the frames of the query times twice the radius; most end at a lower bound.
+    ///
     /// # Source
     /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 5.2, for motions that are complete. This form is ours.
     pub struct GestureSpotterParams {
-        /// Start of the query.
-        from: f64, unit "s", range 0.0..=86_400.0;
-        /// End of the query.
-        to: f64, unit "s", range 0.0..=86_400.0;
+        /// The query.
+        [group] query: QueryParams;
         /// Channels of the motion and of the query.
         channels: u16 = 1, unit "", range 1..=1024_u16;
-        /// Least similarity.
-        threshold: f64 = 0.7, unit "", range 0.001..=1.0;
-        /// Shortest part, as a factor of the query.
-        shortest: f64 = 0.5, unit "", range 0.05..=1.0;
-        /// Longest part, as a factor of the query.
-        longest: f64 = 2.0, unit "", range 1.0..=20.0;
-        /// Deviation from a uniform change of tempo, as a share of the query.
-        radius: f64 = 0.1, unit "", range 0.0..=1.0;
-        /// What is removed before motions are compared.
-        normalisation: Normalisation = Normalisation::Offset;
         /// How long the weight holds after the gesture; None for the length of the query.
         hold: Option<f64> = None, unit "s", range 0.0..=3600.0;
         /// The weight of a gesture.
@@ -66,16 +58,60 @@ ports! {
 /// Longest query, frames.
 const MAX_FRAMES: f64 = 100_000.0;
 
-/// The node over [`Pattern::compare`].
-pub struct GestureSpotter {
+/// The last gesture of a motion that comes frame by frame.
+struct Spotter {
     pattern: Pattern,
     grids: Vec<Grid>,
     scratch: Scratch,
-    /// Frames that the weight holds.
-    hold: i64,
-    levels: [f32; 2],
     /// Frame of the last gesture.
     last: Option<i64>,
+}
+
+impl Spotter {
+    fn new(pattern: Pattern) -> Self {
+        let lengths = pattern.lengths(usize::MAX);
+        let grids: Vec<Grid> = lengths.into_iter().map(|len| Grid::new(len, pattern.frames)).collect();
+        let mut scratch = Scratch::default();
+        // The buffers have their room before the first frame.
+        if let Some(grid) = grids.last() {
+            let zeros = vec![0.0; grid.len * pattern.channels];
+            let _ = pattern.compare(grid, &zeros, &mut scratch, f64::INFINITY);
+        }
+        Self { pattern, grids, scratch, last: None }
+    }
+
+    /// Compares the parts of a motion that end at a frame, the last of `past`. Returns the similarity of the most similar one if it reaches the
+    /// threshold, and true if a gesture is recognised: a part that is similar enough and does not overlap the last one.
+    fn next(&mut self, frame: i64, past: &[f32]) -> (Option<f64>, bool) {
+        let width = self.pattern.channels;
+        let mut least = None;
+        let mut is_new = false;
+        for grid in &self.grids {
+            // What is before the first frame is no motion.
+            if grid.len as i64 > frame + 1 || grid.len * width > past.len() {
+                continue;
+            }
+            let window = &past[past.len() - grid.len * width..];
+            let most = least.unwrap_or(self.pattern.most);
+            if let Some(squared) = self.pattern.compare(grid, window, &mut self.scratch, most) {
+                least = Some(squared);
+                is_new |= self.last.is_none_or(|last| frame - grid.len as i64 >= last);
+            }
+        }
+        if is_new {
+            self.last = Some(frame);
+        }
+        (least.map(|squared| self.pattern.similarity(squared)), is_new)
+    }
+}
+
+/// The node over [`Pattern::compare`].
+pub struct GestureSpotter {
+    spotter: Spotter,
+    /// Frames that the weight holds.
+    hold: i64,
+    /// Weights without a gesture and after one.
+    levels: [f32; 2],
     count: u64,
 }
 
@@ -83,7 +119,7 @@ impl Node for GestureSpotter {
     type Params = GestureSpotterParams;
     type Ports = GestureSpotterPorts;
     const NAME: &'static str = "GestureSpotter";
-    const CLASS: Class = Class::Audio;
+    const CLASS: Class = Class::Worker;
     const COST: f64 = 50.0;
 
     fn shape(p: &GestureSpotterParams, s: &mut Shape<'_, '_, GestureSpotterPorts>) -> Result<(), Reject> {
@@ -93,11 +129,11 @@ impl Node for GestureSpotter {
                 format!("the motion has {} channels, `channels` is {}", motion.format.0, p.channels);
             return Err(Reject::new("F157", message).at("channels"));
         }
-        let frames = (p.to - p.from) * motion.rate.as_f64() * p.longest;
-        if p.to <= p.from || frames > MAX_FRAMES {
+        let (from, to) = p.query.interval();
+        let frames = (to - from) * motion.rate.as_f64() * p.query.longest;
+        if to <= from || frames > MAX_FRAMES {
             let message = format!(
-                "the query is from {} s to {} s; up to {MAX_FRAMES} frames with `longest` are compared",
-                p.from, p.to
+                "the query is from {from} s to {to} s; up to {MAX_FRAMES} frames with `longest` are compared"
             );
             return Err(Reject::new("F157", message)
                 .at("to")
@@ -117,34 +153,11 @@ impl Node for GestureSpotter {
             let message = format!("the query has {} channels, the motion {channels}", query.channels);
             return Err(Fault::new("F157", message).at("query"));
         }
-        let rules = QueryRules {
-            shortest: p.shortest,
-            longest: p.longest,
-            threshold: p.threshold,
-            radius: p.radius,
-            normalisation: p.normalisation,
-            exhaustive: false,
-            count: None,
-        };
-        let pattern = Pattern::new(&query.at_rate(rate), (p.from, p.to), rules)
+        let pattern = Pattern::new(&query.at_rate(rate), p.query.interval(), p.query.rules())
             .map_err(|e| Fault::new("F157", e.to_string()).at("from"))?;
-        let lengths = pattern.lengths(usize::MAX);
-        let grids = lengths.into_iter().map(|len| Grid::new(len, pattern.frames)).collect();
-        let mut spotter = Self {
-            hold: p.hold.map_or(pattern.frames as f64, |hold| (hold * rate).round()) as i64,
-            levels: [p.rest, p.gain].map(|x| x as f32),
-            pattern,
-            grids,
-            scratch: Scratch::default(),
-            last: None,
-            count: 0,
-        };
-        // The buffers have their room before the first frame.
-        if let Some(grid) = spotter.grids.last() {
-            let zeros = vec![0.0; grid.len * channels];
-            let _ = spotter.pattern.compare(grid, &zeros, &mut spotter.scratch, f64::INFINITY);
-        }
-        Ok(spotter)
+        let hold = p.hold.map_or(pattern.frames as f64, |hold| (hold * rate).round()) as i64;
+        let levels = [p.rest, p.gain].map(|x| x as f32);
+        Ok(Self { spotter: Spotter::new(pattern), hold: hold.max(1), levels, count: 0 })
     }
 
     fn run(&mut self, mut io: GestureSpotterIo<'_>) -> Result<(), Fault> {
@@ -152,27 +165,11 @@ impl Node for GestureSpotter {
         let around = io.motion.around();
         for k in 0..io.weight.len() {
             let frame = first + k as i64;
-            let end = behind + k + 1;
-            let mut least = self.pattern.most;
-            let (mut found, mut is_new) = (false, false);
-            for grid in &self.grids {
-                // What is before the first frame is no motion.
-                if grid.len as i64 > frame + 1 || grid.len > end {
-                    continue;
-                }
-                let window = &around[(end - grid.len) * width..end * width];
-                if let Some(squared) = self.pattern.compare(grid, window, &mut self.scratch, least) {
-                    (least, found) = (squared, true);
-                    is_new |= self.last.is_none_or(|last| frame - grid.len as i64 >= last);
-                }
-            }
-            if is_new {
-                self.last = Some(frame);
-                self.count += 1;
-            }
-            let is_on = self.last.is_some_and(|last| frame < last + self.hold.max(1));
+            let (similarity, is_new) = self.spotter.next(frame, &around[..(behind + k + 1) * width]);
+            self.count += u64::from(is_new);
+            let is_on = self.spotter.last.is_some_and(|last| frame < last + self.hold);
             io.weight.items()[k] = self.levels[usize::from(is_on)];
-            io.similarity.items()[k] = if found { self.pattern.similarity(least) as f32 } else { 0.0 };
+            io.similarity.items()[k] = similarity.unwrap_or(0.0) as f32;
         }
         Ok(())
     }
@@ -181,23 +178,16 @@ impl Node for GestureSpotter {
         Ok(vec![("gestures", self.count.into())])
     }
 
-    archive_state!(last, count);
+    archive_state!(spotter, count);
 
     fn trial(rng: &mut Rng) -> (GestureSpotterParams, MemoryFiles) {
-        let from = rng.between(0.0, 3.0);
-        let p = GestureSpotterParams {
-            from,
-            to: from + rng.between(0.5, 2.0),
-            threshold: rng.between(0.3, 0.9),
-            shortest: 0.5,
-            longest: 2.0,
-            radius: 0.1,
-            channels: 1,
-            ..GestureSpotterParams::trial(rng)
-        };
-        (p, MemoryFiles::default())
+        let p = GestureSpotterParams::trial(rng);
+        let query = p.query.clone().for_trial(rng);
+        (GestureSpotterParams { query, channels: 1, ..p }, MemoryFiles::default())
     }
 }
+
+impl_state!(Spotter { last });
 
 #[cfg(test)]
 mod tests {
@@ -205,7 +195,7 @@ mod tests {
     use crate::core::computation::unmonitored;
     use crate::core::standalone::Standalone;
     use crate::core::time::{Rate, ticks};
-    use crate::soundtrack::matching::best_matches;
+    use crate::soundtrack::matching::{QueryRules, best_matches};
 
     const RATE: Rate = Rate::hz(50);
 
@@ -300,9 +290,13 @@ mod tests {
 
     #[test]
     fn queries_that_do_not_fit_are_named() {
-        let e = spotter(GestureSpotterParams { to: 1.0, ..params() }).shape().unwrap_err();
+        let to = |to: f64| {
+            let p = params();
+            GestureSpotterParams { query: QueryParams { to, ..p.query.clone() }, ..p }
+        };
+        let e = spotter(to(1.0)).shape().unwrap_err();
         assert!(e.code == "F157" && e.field.as_deref() == Some("to"), "{e}");
-        let e = spotter(GestureSpotterParams { to: 99.0, ..params() }).run().err().unwrap();
+        let e = spotter(to(99.0)).run().err().unwrap();
         assert!(e.message.contains("the curve ends at 14.000 s"), "{e}");
     }
 }

@@ -13,6 +13,7 @@ pub mod path_frames;
 pub mod path_score;
 pub mod pattern;
 pub mod query;
+pub mod query_params;
 pub mod search;
 pub mod segmentation;
 mod som;

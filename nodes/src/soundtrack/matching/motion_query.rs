@@ -2,7 +2,8 @@
 
 use super::matches::MotionMatches;
 use super::overlap::greatest_sum;
-use super::pattern::{Normalisation, QueryError, QueryRules};
+use super::pattern::{QueryError, QueryRules};
+use super::query_params::QueryParams;
 use super::search::{best_matches, find_matches};
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
@@ -24,20 +25,8 @@ params! {
     /// # Source
     /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 5.2. The similarity is a choice; the search is exact.
     pub struct MotionQueryParams {
-        /// Start of the query.
-        from: f64, unit "s", range 0.0..=86_400.0;
-        /// End of the query.
-        to: f64, unit "s", range 0.0..=86_400.0;
-        /// Least similarity of a match.
-        threshold: f64 = 0.7, unit "", range 0.001..=1.0;
-        /// Shortest match, as a factor of the query.
-        shortest: f64 = 0.5, unit "", range 0.05..=1.0;
-        /// Longest match, as a factor of the query.
-        longest: f64 = 2.0, unit "", range 1.0..=20.0;
-        /// Deviation from a uniform change of tempo, as a share of the query.
-        radius: f64 = 0.1, unit "", range 0.0..=1.0;
-        /// What is removed before motions are compared.
-        normalisation: Normalisation = Normalisation::Offset;
+        /// The query.
+        [group] query: QueryParams;
         /// Compare parts of all lengths, and not only of nine.
         exhaustive: bool = false;
         /// Choose the matches with the greatest sum of similarities, and not the most similar first.
@@ -71,17 +60,9 @@ impl Func for MotionQuery {
     const NAME: &'static str = "MotionQuery";
 
     fn eval(p: &MotionQueryParams, cx: &Build<'_>, mut io: MotionQueryIo<'_>) -> Result<Summary, Fault> {
-        let rules = QueryRules {
-            shortest: p.shortest,
-            longest: p.longest,
-            threshold: p.threshold,
-            radius: p.radius,
-            normalisation: p.normalisation,
-            exhaustive: p.exhaustive,
-            count: p.count,
-        };
+        let rules = QueryRules { exhaustive: p.exhaustive, count: p.count, ..p.query.rules() };
         let source = io.source.unwrap_or(io.motion);
-        let interval = (p.from, p.to);
+        let interval = p.query.interval();
         let found = match p.optimal {
             true => find_matches(io.motion, source, interval, rules, cx.monitor)
                 .map(|all| greatest_sum(all, p.count)),
@@ -98,24 +79,16 @@ impl Func for MotionQuery {
         let mut summary: Summary =
             vec![("matches", matches.len().into()), ("least_similarity", least.into())];
         if matches.is_empty() {
-            let text = format!("nothing is as similar as {}: give a lower `threshold`", p.threshold);
+            let text = format!("nothing is as similar as {}: give a lower `threshold`", p.query.threshold);
             summary.push(("warning", text.into()));
         }
-        io.matches.set(MotionMatches { query: (p.from, p.to), threshold: p.threshold, matches });
+        io.matches.set(MotionMatches { query: interval, threshold: p.query.threshold, matches });
         Ok(summary)
     }
 
     fn trial(rng: &mut Rng) -> (MotionQueryParams, MemoryFiles) {
-        let from = rng.between(0.0, 3.0);
-        let p = MotionQueryParams {
-            from,
-            to: from + rng.between(0.5, 2.0),
-            threshold: rng.between(0.3, 0.9),
-            ..MotionQueryParams::trial(rng)
-        };
-        (
-            MotionQueryParams { exhaustive: false, shortest: 0.5, longest: 2.0, radius: 0.1, ..p },
-            MemoryFiles::default(),
-        )
+        let p = MotionQueryParams::trial(rng);
+        let query = p.query.clone().for_trial(rng);
+        (MotionQueryParams { query, exhaustive: false, ..p }, MemoryFiles::default())
     }
 }

@@ -41,7 +41,6 @@ impl<'a> Query<'a> {
         rules: QueryRules,
     ) -> Result<Self, QueryError> {
         curve.validate()?;
-        source.validate()?;
         let channels = curve.channels;
         if source.channels != channels {
             return Err(QueryError::Channels { query: source.channels, motion: channels });

@@ -13,7 +13,7 @@ const GAP: f64 = 0.5;
 
 /// The best alignment of a query that ends at a frame.
 #[derive(Clone, Copy)]
-pub struct Cell {
+pub struct Alignment {
     /// Its cost.
     pub cost: f64,
     /// Its steps.
@@ -84,7 +84,7 @@ pub fn units<const N: usize>(all: &[[f32; N]], seed: u64) -> Vec<usize> {
 ///
 /// # Source
 /// Sellers, "The theory and computation of evolutionary distances: pattern recognition" (J. Algorithms 1, 1980).
-pub fn string_matches(query: &[usize], text: &[usize]) -> Vec<Cell> {
+pub fn string_matches(query: &[usize], text: &[usize]) -> Vec<Alignment> {
     let most = grid_distance(0, SIDE * SIDE - 1);
     let m = query.len();
     // Costs and starts of the prefixes of the query that end before this symbol.
@@ -104,7 +104,7 @@ pub fn string_matches(query: &[usize], text: &[usize]) -> Vec<Cell> {
             row[i + 1] = from.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or(from[0]);
         }
         let (cost, start) = row[m];
-        out.push(Cell { cost, steps: m as u32, start: start.min(t as u32) });
+        out.push(Alignment { cost, steps: m as u32, start: start.min(t as u32) });
         std::mem::swap(&mut last, &mut row);
     }
     out

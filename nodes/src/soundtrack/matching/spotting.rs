@@ -1,7 +1,7 @@
 //! Intervals of a recording that sound like one of it.
 
 use super::matches::MotionMatch;
-use super::som::{Cell, string_matches, units};
+use super::som::{Alignment, string_matches, units};
 use crate::choices;
 use crate::core::time::Rate;
 use crate::feature::MelCepstrum;
@@ -100,10 +100,10 @@ fn features(x: &[f32], rate: f64) -> (Vec<[f32; 2 * COEFFICIENTS]>, f64) {
     (all, rate / hop as f64)
 }
 
-const NONE: Cell = Cell { cost: f64::INFINITY, steps: 0, start: 0 };
+const NONE: Alignment = Alignment { cost: f64::INFINITY, steps: 0, start: 0 };
 
 /// The best alignment of a query with a part of a sequence that ends at each frame, with the steps (1, 1), (1, 2) and (2, 1).
-fn alignments<const N: usize>(query: &[[f32; N]], all: &[[f32; N]]) -> Vec<Cell> {
+fn alignments<const N: usize>(query: &[[f32; N]], all: &[[f32; N]]) -> Vec<Alignment> {
     let local = |a: &[f32; N], b: &[f32; N]| -> f64 {
         a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
     };
@@ -114,12 +114,12 @@ fn alignments<const N: usize>(query: &[[f32; N]], all: &[[f32; N]]) -> Vec<Cell>
         for (i, q) in query.iter().enumerate() {
             let cost = local(q, frame);
             if i == 0 {
-                row[0] = Cell { cost, steps: 1, start: t as u32 };
+                row[0] = Alignment { cost, steps: 1, start: t as u32 };
                 continue;
             }
             let from = [last[i - 1], before[i - 1], if i > 1 { last[i - 2] } else { NONE }];
             let best = from.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).unwrap_or(NONE);
-            row[i] = Cell { cost: best.cost + cost, steps: best.steps + 1, start: best.start };
+            row[i] = Alignment { cost: best.cost + cost, steps: best.steps + 1, start: best.start };
         }
         out.push(row[query.len() - 1]);
         std::mem::swap(&mut before, &mut last);
@@ -162,11 +162,11 @@ pub fn spots(
             string_matches(&text[a..b], &text)
         }
     };
-    let mean = |cell: &Cell| cell.cost / f64::from(cell.steps.max(1));
+    let mean = |cell: &Alignment| cell.cost / f64::from(cell.steps.max(1));
     let mut costs: Vec<f64> = ends.iter().map(mean).filter(|c| c.is_finite()).collect();
     costs.sort_by(f64::total_cmp);
     let median = quantile(&costs, 0.5).max(1e-9);
-    let mut order: Vec<(usize, &Cell)> =
+    let mut order: Vec<(usize, &Alignment)> =
         ends.iter().enumerate().filter(|(_, c)| c.cost.is_finite()).collect();
     order.sort_by(|x, y| mean(x.1).total_cmp(&mean(y.1)).then(x.0.cmp(&y.0)));
     let mut found: Vec<(f64, f64)> = Vec::new();

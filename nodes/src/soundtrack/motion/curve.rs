@@ -92,7 +92,7 @@ impl MotionCurve {
         self.frames() as f64 / self.rate
     }
 
-    /// The motion at another rate, on straight lines between its frames. Gaps are kept.
+    /// The motion at another rate, on straight lines between its frames, with gaps at the same times.
     #[must_use]
     pub fn at_rate(&self, rate: f64) -> Self {
         if (self.rate - rate).abs() < 1e-9 || self.frames() < 2 {

@@ -8,6 +8,7 @@ mod node_constraints;
 mod output;
 pub mod position;
 pub mod rules;
+mod soundtrack_figure;
 pub mod soundtrack_report;
 mod step;
 pub mod synthesizer;

@@ -16,6 +16,14 @@ choices! {
     }
 }
 
+impl OverlapMode {
+    /// True if both sounds are heard.
+    #[must_use]
+    pub fn is_mixed(self) -> bool {
+        self != Self::Winner
+    }
+}
+
 /// Steps of the exponent of a moment.
 const STEPS: usize = 16;
 /// Most nodes of a level that moments are taken over.

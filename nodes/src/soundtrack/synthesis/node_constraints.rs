@@ -23,8 +23,7 @@ pub struct NodeConstraints {
 }
 
 impl NodeConstraints {
-    /// Those of a node with an index from the beginning of the output. With `morphs`, two inclusions may hold.
-    #[allow(clippy::too_many_arguments)]
+    /// Those of a node with an index from the beginning of the output. If sounds morph, two inclusions may hold.
     pub fn at(
         model: &TextureModel,
         constraints: &Constraints,
@@ -33,8 +32,8 @@ impl NodeConstraints {
         end: Option<f64>,
         level: usize,
         node: i64,
-        morphs: bool,
     ) -> Self {
+        let morphs = rules.overlap.is_mixed();
         let mut wanted = Self::default();
         if constraints.is_empty() && weights.is_none() {
             return wanted;

@@ -1,12 +1,12 @@
 //! The node `SoundtrackReport`.
 
 use super::position::{SourcePosition, SourcePositions};
+use super::soundtrack_figure::{SoundtrackFigure, is_within, located};
 use super::waveform::Waveform;
 use crate::core::fault::{Fault, Reject};
 use crate::core::node::{Class, Node, Summary};
 use crate::core::ports::{Fold, Stream, Value};
 use crate::core::shape::{Build, Shape};
-use crate::plot::{Chart, Line};
 use crate::soundtrack::score::{ScoreSource, SoundScore};
 use crate::soundtrack::wavelet::{TextureModel, WaveletTree};
 use crate::table::ResultTable;
@@ -44,10 +44,6 @@ ports! {
 
 /// Longest output, in pairs of samples: an hour at 96 kHz.
 const MAX_POSITIONS: i64 = 172_800_000;
-/// Points of a line in the figure.
-const POINTS: usize = 3000;
-/// Sounds and recordings that are drawn.
-const MAX_DRAWN: usize = 8;
 
 /// The node `SoundtrackReport`.
 #[derive(Debug)]
@@ -77,11 +73,6 @@ fn runs(positions: &[SourcePosition]) -> Vec<usize> {
     all
 }
 
-/// True if a time of a recording is within a sound, which comes with its recording.
-fn is_within((recording, sound): &(usize, &ScoreSource), of: usize, t: f64) -> bool {
-    *recording == of && sound.segments.iter().any(|(from, to)| t >= from - 1e-4 && t < *to)
-}
-
 /// Share of positions that are within sounds; `None` without positions.
 fn share(positions: &[SourcePosition], sounds: &[(usize, &ScoreSource)]) -> Option<f64> {
     let is_in = |p: &&SourcePosition| {
@@ -89,12 +80,6 @@ fn share(positions: &[SourcePosition], sounds: &[(usize, &ScoreSource)]) -> Opti
     };
     let count = positions.iter().filter(is_in).count();
     (!positions.is_empty()).then(|| count as f64 / positions.len() as f64)
-}
-
-/// The sounds of a score with their recordings.
-fn located<'a>(score: &'a SoundScore, tree: &WaveletTree) -> Vec<(usize, &'a ScoreSource)> {
-    let recording = |s: &ScoreSource| tree.find(s.recording.as_deref().unwrap_or_default());
-    score.sources.iter().map(|s| (recording(s).unwrap_or(usize::MAX), s)).collect()
 }
 
 impl SoundtrackReport {
@@ -124,101 +109,6 @@ impl SoundtrackReport {
             }
         }
         if total > 0.0 { weighted / total } else { 0.0 }
-    }
-
-    fn charts(&self, score: Option<&SoundScore>, tree: &WaveletTree, runs: &[usize]) -> Vec<Chart> {
-        let short = |name: &str| name.rsplit('/').next().unwrap_or(name).to_owned();
-        let sounds = score.map_or_else(Vec::new, |score| located(score, tree));
-        let names: Vec<String> = sounds.iter().take(MAX_DRAWN).map(|(_, s)| s.name.clone()).collect();
-        let owner = |recording: usize, t: f64| {
-            sounds.iter().take(MAX_DRAWN).position(|sound| is_within(sound, recording, t))
-        };
-        let time = ("time of the output, s", false);
-        let mut charts = Vec::new();
-        if let Some(score) = score {
-            for (k, source) in tree.sources.iter().enumerate().take(MAX_DRAWN) {
-                let mut audio = tree.audio(k, 0);
-                audio.truncate(source.frames as usize);
-                let mut wave = Waveform::new(audio.len());
-                wave.add(audio.into_iter());
-                let lines = wave.lines(tree.rate, &names, |t| owner(k, t));
-                let axis = ("time in the recording, s", false);
-                charts.push(Chart::of(short(&source.name), axis, ("amplitude", false), lines));
-            }
-            let mut lines: Vec<Line> = Vec::new();
-            for (k, name) in names.iter().enumerate() {
-                let own = score.targets.iter().filter(|t| t.sources.contains(&k));
-                let mut points = Vec::new();
-                for target in own {
-                    let curve = &target.curve.points;
-                    points.extend(curve.first().map(|p| [p.0, 0.0]));
-                    points.extend(curve.iter().map(|p| [p.0, p.1]));
-                    points.extend(curve.last().map(|p| [p.0, 0.0]));
-                }
-                lines.push(Line::new(name.clone(), points));
-            }
-            // As many lines as the waveforms have, for the same colours.
-            lines.push(Line::new("other", Vec::new()));
-            charts.push(Chart::of("score", time, ("weight", false), lines));
-        }
-        if !self.wave.is_empty() {
-            // Of several sounds that a position is of, the one that is wanted then.
-            let of_time = |t: f64| {
-                let position = self.positions.get((t * self.rate) as usize)?;
-                let (recording, time) = (position.recording as usize, f64::from(position.seconds));
-                let is_wanted = |k: usize| {
-                    let targets = score.into_iter().flat_map(|score| &score.targets);
-                    let ends = targets.filter(|t| t.sources.contains(&k)).filter_map(|t| t.curve.ends());
-                    ends.into_iter().any(|(from, to)| from <= t && t < to)
-                };
-                let all = sounds.iter().take(MAX_DRAWN).enumerate();
-                let wanted =
-                    all.into_iter().find(|(k, sound)| is_within(sound, recording, time) && is_wanted(*k));
-                wanted.map(|(k, _)| k).or_else(|| owner(recording, time))
-            };
-            let lines = self.wave.lines(2.0 * self.rate, &names, of_time);
-            charts.push(Chart::of("output", time, ("amplitude", false), lines));
-        }
-        let stride = self.positions.len().div_ceil(POINTS).max(1);
-        let mut lines: Vec<Line> = Vec::new();
-        for (k, source) in tree.sources.iter().enumerate().take(MAX_DRAWN) {
-            let own =
-                self.positions.iter().enumerate().step_by(stride).filter(|(_, p)| p.recording as usize == k);
-            let points = own.map(|(n, p)| [n as f64 / self.rate, f64::from(p.seconds)]).collect();
-            lines.push(Line::dots(short(&source.name), points));
-        }
-        charts.push(Chart::of(
-            "where the sound comes from",
-            time,
-            ("time in the recording, s", false),
-            lines,
-        ));
-        // The share of the time in stretches that are no longer than each.
-        let mut sorted = runs.to_vec();
-        sorted.sort_unstable();
-        let total: usize = sorted.iter().sum();
-        let mut sum = 0;
-        let mut points = Vec::new();
-        for run in sorted {
-            sum += run;
-            points.push([run as f64 / self.rate, sum as f64 / total.max(1) as f64]);
-        }
-        points.dedup_by(|b, a| {
-            if a[0] == b[0] {
-                a[1] = b[1];
-                true
-            } else {
-                false
-            }
-        });
-        let line = vec![Line::new("share", points)];
-        charts.push(Chart::of(
-            "stretches that are copied",
-            ("length, s", true),
-            ("share of the time", false),
-            line,
-        ));
-        charts
     }
 }
 
@@ -277,8 +167,9 @@ impl Node for SoundtrackReport {
             let share = self.fill(&mut table, score, &io.model.tree);
             summary.push(("satisfaction", share.into()));
         }
-        table.charts = self.charts(io.score, &io.model.tree, &runs);
         runs.sort_unstable();
+        let figure = SoundtrackFigure::new(&self.positions, self.rate, io.score, &io.model.tree);
+        table.charts = figure.charts(&self.wave, &runs);
         let seconds = |run: Option<&usize>| run.map_or(0.0, |run| *run as f64 / self.rate);
         let copied = 1.0 - runs.len() as f64 / self.positions.len().max(1) as f64;
         summary.extend([

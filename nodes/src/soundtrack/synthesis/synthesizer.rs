@@ -2,7 +2,7 @@
 
 use super::choice::{Best, draw, probability};
 use super::layer::{Layer, Mixed};
-use super::morph::{Morph, OverlapMode};
+use super::morph::Morph;
 use super::node_constraints::NodeConstraints;
 use super::output::NONE;
 use super::rules::{SynthesisCounts, SynthesisRules};
@@ -78,7 +78,7 @@ impl Synthesizer {
         first: i64,
         end: Option<f64>,
     ) -> Self {
-        let morphs = rules.overlap != OverlapMode::Winner;
+        let morphs = rules.overlap.is_mixed();
         let morph = || Morph::new(rules.overlap, &model, &constraints.sets);
         Self {
             layers: vec![Layer::new(&model, &rules); if morphs { 2 } else { 1 }],
@@ -167,7 +167,7 @@ impl Synthesizer {
         if level + 2 > model.tree.depth as usize || node >= 1 << level {
             return None;
         }
-        let longest = longest_run(rules, random, root).map(|longest| longest * model.tree.rate);
+        let longest = longest_run(model, rules, random, root);
         let (is_root, forbidden, has_masks) = (false, &[][..], *has_masks);
         let step =
             Step { longest, model, constraints, rules, tree, level, node, is_root, forbidden, has_masks };
@@ -199,8 +199,7 @@ impl Synthesizer {
         node: usize,
     ) -> NodeConstraints {
         let node = (root << level) + node as i64;
-        let Self { model, constraints, rules, end, mixed, .. } = self;
-        NodeConstraints::at(model, constraints, weights, rules, *end, level, node, mixed.is_some())
+        NodeConstraints::at(&self.model, &self.constraints, weights, &self.rules, self.end, level, node)
     }
 
     /// The nodes of the model whose children become those of a node, by layer; with `is_root`, the root itself.
@@ -231,7 +230,7 @@ impl Synthesizer {
         let Self { model, constraints, rules, random, layers, counts, has_masks, .. } = self;
         let Layer { tree, classes, recent, .. } = &mut layers[layer];
         let (own, later, distance) = (wanted.own[layer], wanted.later[layer], wanted.distance);
-        let longest = longest_run(rules, random, root).map(|longest| longest * model.tree.rate);
+        let longest = longest_run(model, rules, random, root);
         let step = Step {
             longest,
             model,
@@ -315,10 +314,10 @@ impl Synthesizer {
     }
 }
 
-/// The longest stretch below a root, s. A fixed length would be heard as a rhythm.
-fn longest_run(rules: &SynthesisRules, random: &Random, root: i64) -> Option<f64> {
+/// The longest stretch below a root, samples. A fixed length would be heard as a rhythm.
+fn longest_run(model: &TextureModel, rules: &SynthesisRules, random: &Random, root: i64) -> Option<f64> {
     let share = SHORTEST_RUN + (1.0 - SHORTEST_RUN) * random.uniform(0, root as u64, 2);
-    rules.max_run.map(|longest| longest * share)
+    rules.max_run.map(|longest| longest * share * model.tree.rate)
 }
 
 impl_state!(Synthesizer { next, each layers, counts });

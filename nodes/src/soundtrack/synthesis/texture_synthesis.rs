@@ -201,8 +201,9 @@ impl Node for TextureSynthesis {
         }
         let score = cx.optional_value(TextureSynthesisPorts::score);
         let constraints = match &score {
-            Some(score) => Constraints::new(score, tree, p.overlap != OverlapMode::Winner)
-                .map_err(|e| score_error(score, &e))?,
+            Some(score) => {
+                Constraints::new(score, tree, p.overlap.is_mixed()).map_err(|e| score_error(score, &e))?
+            }
             None => Constraints::default(),
         };
         let warnings = score.as_deref().map(long_targets).unwrap_or_default();

@@ -1,6 +1,7 @@
 //! The node `TreeStep`.
 
 use super::rules::SynthesisRules;
+use super::step::predecessor;
 use super::synthesizer::Synthesizer;
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
@@ -9,9 +10,9 @@ use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::Build;
-use crate::plot::{Axis, Chart, Line};
+use crate::plot::{Chart, Line};
 use crate::soundtrack::wavelet::{TextureModel, WaveletTree};
-use crate::table::{Cell, ResultTable};
+use crate::table::ResultTable;
 use crate::{params, ports};
 use std::sync::Arc;
 
@@ -52,10 +53,12 @@ ports! {
 /// Most candidates that are listed.
 const MAX_LISTED: usize = 10_000;
 
-/// Nodes of one role in one tree.
+/// Nodes of one role, of the output or of the recordings.
 struct Role {
-    tree: &'static str,
     name: &'static str,
+    is_output: bool,
+    /// True if each is the parent of the one before it.
+    is_path: bool,
     /// Levels and nodes.
     nodes: Vec<(usize, i64)>,
 }
@@ -73,28 +76,68 @@ fn children(level: usize, node: i64) -> Vec<(usize, i64)> {
     vec![(level + 1, 2 * node), (level + 1, 2 * node + 1)]
 }
 
-/// The roles of the nodes of a step in the output, whose node is `node`, and in the recordings.
-fn roles(s: &mut Synthesizer, p: &TreeStepParams, node: i64) -> Option<Vec<Role>> {
+/// The roles of the nodes of a step whose node of the output is `node`: four of the output, and then those of the recordings.
+fn roles(s: &mut Synthesizer, model: &TextureModel, p: &TreeStepParams, node: i64) -> Vec<Role> {
     let level = p.level;
     let within = node as usize & ((1 << level) - 1);
-    let (all, best) = s.candidates(level, within)?;
-    let drawn = i64::from(s.pick(level + 1, 2 * within) / 2);
-    let before =
-        |node: i64| (1..=p.predecessors as i64).map(move |j| (level, node - j)).filter(|(_, n)| *n >= 0);
+    let (all, best) = s.candidates(level, within).unwrap_or_default();
+    let drawn = s.pick(level + 1, 2 * within) / 2;
+    let before = |j: usize| predecessor(model, level, drawn, j as u32).map(|m| (level, i64::from(m)));
+    let of_drawn = (1..=p.predecessors).map_while(before).collect();
+    let of_node = (1..=p.predecessors as i64).map(|j| (level, node - j)).filter(|(_, n)| *n >= 0).collect();
+    let drawn = i64::from(drawn);
     let listed = |nodes: &[u32]| nodes.iter().take(MAX_LISTED).map(|m| (level, i64::from(*m))).collect();
-    let role = |tree, name, nodes| Role { tree, name, nodes };
-    Some(vec![
-        role("output", "ancestors", ancestors(level, node)),
-        role("output", "predecessors", before(node).collect()),
-        role("output", "node", vec![(level, node)]),
-        role("output", "children", children(level, node)),
-        role("recording", "by ancestors", listed(&all)),
-        role("recording", "by predecessors", listed(&best.nodes)),
-        role("recording", "its ancestors", ancestors(level, drawn)),
-        role("recording", "its predecessors", before(drawn).collect()),
-        role("recording", "drawn", vec![(level, drawn)]),
-        role("recording", "its children", children(level, drawn)),
-    ])
+    let output = |name, nodes| Role { name, is_output: true, is_path: name == "ancestors", nodes };
+    let recording = |name, nodes| Role { name, is_output: false, is_path: name == "its ancestors", nodes };
+    vec![
+        output("ancestors", ancestors(level, node)),
+        output("predecessors", of_node),
+        output("node", vec![(level, node)]),
+        output("children", children(level, node)),
+        recording("by ancestors", listed(&all)),
+        recording("by predecessors", listed(&best.nodes)),
+        recording("its ancestors", ancestors(level, drawn)),
+        recording("its predecessors", of_drawn),
+        recording("drawn", vec![(level, drawn)]),
+        recording("its children", children(level, drawn)),
+    ]
+}
+
+/// The table of roles, with a chart of each tree.
+fn table(s: &Synthesizer, tree: &WaveletTree, roles: &[Role], finest: usize) -> ResultTable {
+    let seconds = |level: usize| tree.span(level) as f64 / tree.rate;
+    let mut table = ResultTable::new(&["tree", "role", "level", "node", "time_s", "value"]);
+    let mut lines: [Vec<Line>; 2] = [Vec::new(), Vec::new()];
+    for role in roles {
+        let mut points = Vec::with_capacity(role.nodes.len());
+        for (level, node) in role.nodes.iter().copied() {
+            let source = tree.sources.get(tree.source_of((node >> level) as u32)).filter(|_| !role.is_output);
+            let (name, first) = source.map_or(("output", 0), |s| (s.name.as_str(), i64::from(s.first)));
+            let time = middle(tree, first, level, node);
+            let value = match role.is_output {
+                true => s.value(level, node),
+                false => tree.details[level].get(node as usize * tree.channels).copied(),
+            };
+            let value = value.map(f64::from);
+            table.push([
+                name.into(),
+                role.name.into(),
+                level.into(),
+                (node as f64).into(),
+                time.into(),
+                value.into(),
+            ]);
+            points.push([time, seconds(level)]);
+        }
+        let line = if role.is_path { Line::new(role.name, points) } else { Line::dots(role.name, points) };
+        lines[usize::from(!role.is_output)].push(line);
+    }
+    for (title, lines) in ["output", "recordings"].into_iter().zip(lines) {
+        let mut chart = Chart::of(title, ("time, s", false), ("span of a node, s", true), lines);
+        chart.y.range[0] = seconds(finest) / 1.5;
+        table.charts.push(chart);
+    }
+    table
 }
 
 /// The node over [`Synthesizer::candidates`].
@@ -129,48 +172,9 @@ impl Func for TreeStep {
             s.advance(None);
         }
         let node = sample / tree.span(p.level) as i64;
-        let roles = roles(&mut s, p, node).unwrap_or_default();
-        let mut table = ResultTable::new(&["tree", "role", "level", "node", "time_s", "value"]);
-        let mut lines: [Vec<Line>; 2] = [Vec::new(), Vec::new()];
-        for role in &roles {
-            let is_output = role.tree == "output";
-            let mut points = Vec::with_capacity(role.nodes.len());
-            for (level, node) in &role.nodes {
-                let source = tree.sources.get(tree.source_of((*node >> level) as u32));
-                let first = if is_output { 0 } else { source.map_or(0, |s| i64::from(s.first)) };
-                let time = middle(tree, first, *level, *node);
-                let value = match is_output {
-                    true => s.value(*level, *node),
-                    false => tree.details[*level].get(*node as usize * tree.channels).copied(),
-                };
-                let name = match source.filter(|_| !is_output) {
-                    Some(source) => Cell::from(source.name.as_str()),
-                    None => Cell::from("output"),
-                };
-                table.push([
-                    name,
-                    role.name.into(),
-                    (*level).into(),
-                    (*node as f64).into(),
-                    time.into(),
-                    value.map(f64::from).into(),
-                ]);
-                points.push([time, tree.span(*level) as f64 / tree.rate]);
-            }
-            let is_path = role.name.ends_with("ancestors") && role.name != "by ancestors";
-            let line = if is_path { Line::new(role.name, points) } else { Line::dots(role.name, points) };
-            lines[usize::from(!is_output)].push(line);
-        }
-        for (title, lines) in ["output", "recordings"].into_iter().zip(lines) {
-            let mut chart = Chart::of(title, ("time, s", false), ("span of a node, s", true), lines);
-            chart.y = Axis {
-                range: [tree.span(p.level + 1) as f64 / tree.rate / 1.5, chart.y.range[1]],
-                ..chart.y
-            };
-            table.charts.push(chart);
-        }
+        let roles = roles(&mut s, &model, p, node);
         let count = |k: usize| roles.get(k).map_or(0, |role| role.nodes.len());
-        io.table.set(table);
+        io.table.set(table(&s, tree, &roles, p.level + 1));
         Ok(vec![("match_ancestors", count(4).into()), ("match_predecessors", count(5).into())])
     }
 
@@ -187,7 +191,7 @@ mod tests {
     use crate::core::item::Data;
     use crate::core::standalone::Standalone;
 
-    fn table(p: TreeStepParams) -> Result<ResultTable, Fault> {
+    fn step(p: TreeStepParams) -> Result<ResultTable, Fault> {
         let run = Standalone::func::<TreeStep>(p)
             .value(TreeStepPorts::model, TextureModel::trial(&mut Rng::new(3)))
             .run()?;
@@ -197,7 +201,7 @@ mod tests {
     #[test]
     fn the_children_are_those_of_a_candidate() {
         let p = TreeStepParams { time: 0.3, level: 3, ..TreeStepParams::read(&|_| None).unwrap() };
-        let found = table(p).unwrap();
+        let found = step(p).unwrap();
         let rows = |role: &str| -> Vec<(f64, f64)> {
             let own = found.rows.iter().filter(|row| row[1].text() == role);
             own.map(|row| (row[3].text().parse().unwrap(), row[5].text().parse().unwrap())).collect()
@@ -217,6 +221,6 @@ mod tests {
         assert_eq!((rows("ancestors").len(), rows("predecessors").len()), (3, 5));
         assert!(found.plot().unwrap().matches("<circle").count() > 10);
         let leaf = TreeStepParams { level: 30, ..TreeStepParams::read(&|_| None).unwrap() };
-        assert_eq!(table(leaf).unwrap_err().field.as_deref(), Some("level"));
+        assert_eq!(step(leaf).unwrap_err().field.as_deref(), Some("level"));
     }
 }

@@ -29,9 +29,9 @@ impl Waveform {
         self.extremes.is_empty()
     }
 
-    /// Adds samples; what exceeds the length is left out.
+    /// Adds samples; what exceeds the length is left out, and what is not finite is 0.
     pub fn add(&mut self, samples: impl Iterator<Item = f32>) {
-        for x in samples.filter(|x| x.is_finite()) {
+        for x in samples.map(|x| if x.is_finite() { x } else { 0.0 }) {
             let column = self.count / self.stride;
             if column == self.extremes.len() && column < self.extremes.capacity() {
                 self.extremes.push([x, x]);

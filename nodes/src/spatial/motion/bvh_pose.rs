@@ -123,9 +123,7 @@ impl Node for BvhPose {
 
     fn run(&mut self, mut io: BvhPoseIo<'_>) -> Result<(), Fault> {
         let (first, rate) = (io.pose.first(), io.pose.rate());
-        for (k, out) in (first..).zip(io.pose.items()) {
-            *out = self.motion.poses.at(rate.tick(k));
-        }
+        self.motion.poses.fill(first, rate, io.pose.items());
         Ok(())
     }
 

@@ -180,9 +180,7 @@ impl Node for ObjectPose {
 
     fn run(&mut self, mut io: ObjectPoseIo<'_>) -> Result<(), Fault> {
         let (first, rate) = (io.pose.first(), io.pose.rate());
-        for (k, out) in (first..).zip(io.pose.items()) {
-            *out = self.track.poses.at(rate.tick(k));
-        }
+        self.track.poses.fill(first, rate, io.pose.items());
         Ok(())
     }
 

@@ -65,9 +65,7 @@ impl Node for PoseFile {
 
     fn run(&mut self, mut io: PoseFileIo<'_>) -> Result<(), Fault> {
         let (first, rate) = (io.pose.first(), io.pose.rate());
-        for (k, out) in (first..).zip(io.pose.items()) {
-            *out = self.poses.at(rate.tick(k));
-        }
+        self.poses.fill(first, rate, io.pose.items());
         Ok(())
     }
 

@@ -68,6 +68,13 @@ impl PoseTrack {
         }
     }
 
+    /// Writes the poses from frame `first` on at a rate.
+    pub(crate) fn fill(&self, first: i64, rate: Rate, out: &mut [Pose]) {
+        for (k, out) in (first..).zip(out) {
+            *out = self.at(rate.tick(k));
+        }
+    }
+
     /// Returns the number of frames from 0 to the end, inclusive, at a rate.
     #[must_use]
     pub fn frames(&self, rate: Rate) -> i64 {

@@ -36,8 +36,7 @@ fn synthesised(
     roots: usize,
 ) -> (Vec<Vec<f32>>, Vec<u32>) {
     let score = read_score(&format!("SoundScore({SOURCES}, targets: [{targets}])")).unwrap();
-    let constraints =
-        Arc::new(Constraints::new(&score, &model.tree, overlap != OverlapMode::Winner).unwrap());
+    let constraints = Arc::new(Constraints::new(&score, &model.tree, overlap.is_mixed()).unwrap());
     let rules = SynthesisRules { overlap, look_ahead: 0.0, ..SynthesisRules::default() };
     let mut s = Synthesizer::new(Arc::clone(model), constraints, rules, Random::new(1, "morph"), 0, None);
     let depth = model.tree.depth as usize;
