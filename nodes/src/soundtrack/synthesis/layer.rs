@@ -4,7 +4,7 @@ use super::classes::{Classes, source_value};
 use super::morph::Morph;
 use super::node_constraints::NodeConstraints;
 use super::output::{NONE, OutputTree};
-use super::rules::SynthesisRules;
+use super::rules::{CandidateSearch, SynthesisRules};
 use super::step::predecessor;
 use crate::impl_state;
 use crate::soundtrack::wavelet::TextureModel;
@@ -36,6 +36,46 @@ impl Recent {
     }
 }
 
+/// The candidates of the nodes of one root that are left at the end.
+#[derive(Clone, Debug, Default)]
+pub struct Remaining {
+    /// By node, where its candidates begin and end; empty if they are not used.
+    ranges: Vec<(u32, u32)>,
+    nodes: Vec<u32>,
+}
+
+impl Remaining {
+    fn new(depth: usize, is_used: bool) -> Self {
+        let nodes = if is_used { (1 << depth.saturating_sub(1)) - 1 } else { 0 };
+        Self { ranges: vec![(0, 0); nodes], nodes: Vec::new() }
+    }
+
+    /// Sets the candidates of a node.
+    pub fn set(&mut self, level: usize, node: usize, candidates: &[u32]) {
+        if let Some(range) = self.ranges.get_mut((1 << level) - 1 + node) {
+            let start = self.nodes.len() as u32;
+            self.nodes.extend_from_slice(candidates);
+            *range = (start, self.nodes.len() as u32);
+        }
+    }
+
+    /// Puts the children of the candidates of the parent of a node into `out`; none for a root.
+    pub fn children(&self, level: usize, node: usize, out: &mut Vec<u32>) {
+        out.clear();
+        if level > 0
+            && let Some((from, to)) = self.ranges.get((1 << (level - 1)) - 1 + node / 2)
+        {
+            out.extend(self.nodes[*from as usize..*to as usize].iter().flat_map(|m| [2 * m, 2 * m + 1]));
+        }
+    }
+
+    /// Forgets all candidates.
+    pub fn clear(&mut self) {
+        self.ranges.fill((0, 0));
+        self.nodes.clear();
+    }
+}
+
 /// One layer of an output. With [`OverlapMode::Winner`](super::OverlapMode) there is one; otherwise there are two, which differ where two sounds overlap.
 #[derive(Clone, Debug)]
 pub struct Layer {
@@ -45,6 +85,10 @@ pub struct Layer {
     pub approximation: Vec<f32>,
     /// The candidates of the current root.
     pub classes: Classes,
+    /// Those that were left, for a narrow search.
+    pub remaining: Remaining,
+    /// Those that are compared first.
+    pub first: Vec<u32>,
     /// What was chosen lately, by level.
     pub recent: Vec<Recent>,
 }
@@ -65,6 +109,8 @@ impl Layer {
             tree: OutputTree::new(depth, channels, history),
             approximation: vec![0.0; channels],
             classes: Classes::new(depth, rules.candidates),
+            remaining: Remaining::new(depth, rules.search == CandidateSearch::Narrow),
+            first: Vec::new(),
             recent: (0..depth.max(2) - 1).map(recent).collect(),
         }
     }

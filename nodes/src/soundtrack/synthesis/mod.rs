@@ -19,6 +19,6 @@ mod waveform;
 
 pub use morph::OverlapMode;
 pub use position::{SourcePosition, SourcePositions};
-pub use rules::{PredecessorCount, SynthesisCounts, SynthesisRules, WeightBias};
+pub use rules::{CandidateSearch, MatchCount, MatchCriterion, SynthesisCounts, SynthesisRules, WeightBias};
 pub use synthesizer::Synthesizer;
 pub use texture_stream::TextureStream;

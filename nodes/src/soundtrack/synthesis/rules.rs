@@ -5,12 +5,32 @@ use crate::core::node::Summary;
 use crate::{choices, impl_state};
 
 choices! {
-    /// How similar predecessors are counted.
-    pub enum PredecessorCount {
+    /// How similar ancestors and predecessors are counted.
+    pub enum MatchCount {
         /// Those in a row, from the nearest on.
         Consecutive,
         /// All of them.
         Total,
+    }
+}
+
+choices! {
+    /// When the ancestors of a candidate are similar to those of the output.
+    pub enum MatchCriterion {
+        /// Each differs by the threshold at most.
+        PerCoefficient,
+        /// The mean of the differences, from the node itself up to the ancestor, is half of the threshold at most.
+        RunningMean,
+    }
+}
+
+choices! {
+    /// The candidates that are compared.
+    pub enum CandidateSearch {
+        /// All nodes of the level.
+        Exact,
+        /// The children of the candidates of the parent; all nodes where none of them will do.
+        Narrow,
     }
 }
 
@@ -33,8 +53,12 @@ pub struct SynthesisRules {
     pub predecessors: usize,
     /// The same for roots.
     pub root_predecessors: usize,
-    /// How similar predecessors are counted.
-    pub count: PredecessorCount,
+    /// How similar ancestors and predecessors are counted.
+    pub count: MatchCount,
+    /// When ancestors are similar.
+    pub criterion: MatchCriterion,
+    /// The candidates that are compared.
+    pub search: CandidateSearch,
     /// Time by which a wanted sound is prepared, s.
     pub look_ahead: f64,
     /// Share of the match of other nodes that a wanted node must reach, and the other way round.
@@ -58,7 +82,9 @@ impl Default for SynthesisRules {
         Self {
             predecessors: 5,
             root_predecessors: 16,
-            count: PredecessorCount::Consecutive,
+            count: MatchCount::Consecutive,
+            criterion: MatchCriterion::PerCoefficient,
+            search: CandidateSearch::Exact,
             look_ahead: 1.0,
             quality: 0.7,
             bias: WeightBias::Probability,

@@ -1,9 +1,9 @@
 //! The match of one node.
 
 use super::choice::{Best, is_discarded};
-use super::classes::{Classes, are_similar, path, source_value};
+use super::classes::{Classes, are_similar, matches, path, source_value};
 use super::output::{NONE, OutputTree};
-use super::rules::{PredecessorCount, SynthesisRules};
+use super::rules::{MatchCount, MatchCriterion, SynthesisRules};
 use crate::soundtrack::score::{Constraints, NodeSet};
 use crate::soundtrack::wavelet::TextureModel;
 
@@ -46,6 +46,8 @@ pub struct Step<'a> {
     pub has_masks: bool,
     /// Longest stretch of a recording, samples.
     pub longest: Option<f64>,
+    /// Candidates that are looked at before all others.
+    pub first: &'a [u32],
 }
 
 impl Step<'_> {
@@ -96,8 +98,8 @@ impl Step<'_> {
             })
         };
         match self.rules.count {
-            PredecessorCount::Consecutive => (1..=k).take_while(is_similar).count(),
-            PredecessorCount::Total => (1..=k).filter(is_similar).count(),
+            MatchCount::Consecutive => (1..=k).take_while(is_similar).count(),
+            MatchCount::Total => (1..=k).filter(is_similar).count(),
         }
     }
 
@@ -130,19 +132,14 @@ impl Step<'_> {
             let roots = (0..self.model.tree.roots() as u32).filter(|m| is_admitted(*m)).collect();
             return self.with_predecessors(1, roots);
         }
-        if let Some(set) = few {
-            let mut found: (usize, Vec<u32>) = (1, Vec::new());
-            for m in set.iter().filter(|m| is_admitted(*m)) {
-                let depth = path(self.model, self.tree, self.level, self.node, m);
-                if depth > found.0 {
-                    found = (depth, vec![m]);
-                } else if depth == found.0 {
-                    found.1.push(m);
-                }
-            }
-            return self.with_predecessors(found.0, found.1);
+        let first = self.deepest(&mut self.first.iter().copied().filter(|m| is_admitted(*m)));
+        if first.is_some() {
+            return first;
         }
-        for a in (1..=self.level + 1).rev() {
+        if let Some(set) = few {
+            return self.deepest(&mut set.iter().filter(|m| is_admitted(*m)));
+        }
+        for a in self.classes() {
             if 100 * (a + self.predecessor_limit()) < self.rules.percent() * beside {
                 break;
             }
@@ -152,7 +149,75 @@ impl Step<'_> {
                 return self.with_predecessors(a, nodes);
             }
         }
-        None
+        self.deepest(&mut self.others().iter().copied().filter(|m| is_admitted(*m)))
+    }
+
+    /// The numbers of ancestors for which candidates are found from those of the parent, from the greatest on. A node all of whose ancestors are similar
+    /// has most in any count.
+    fn classes(&self) -> impl Iterator<Item = usize> {
+        let last = match (self.rules.criterion, self.rules.count) {
+            (MatchCriterion::PerCoefficient, MatchCount::Consecutive) => 1,
+            (MatchCriterion::PerCoefficient, MatchCount::Total) => self.level + 1,
+            (MatchCriterion::RunningMean, _) => self.level + 2,
+        };
+        (last..=self.level + 1).rev()
+    }
+
+    /// The candidates that have to be compared if [classes](Self::classes) have none.
+    fn others(&self) -> &[u32] {
+        match (self.rules.criterion, self.rules.count) {
+            (MatchCriterion::PerCoefficient, MatchCount::Consecutive) => &[],
+            _ => self.model.similar(self.level, self.tree.value(self.level, self.node as isize)[0]),
+        }
+    }
+
+    /// The ancestors of a candidate that are similar, with the node itself; 0 if that is not.
+    fn ancestors(&self, candidate: u32) -> usize {
+        let up = 0..=self.level;
+        match (self.rules.criterion, self.rules.count) {
+            (MatchCriterion::PerCoefficient, MatchCount::Consecutive) => {
+                path(self.model, self.tree, self.level, self.node, candidate)
+            }
+            (MatchCriterion::PerCoefficient, MatchCount::Total) => {
+                let is_similar = |up: usize| {
+                    matches(self.model, self.tree, self.level - up, self.node >> up, candidate >> up)
+                };
+                if is_similar(0) { up.filter(|up| is_similar(*up)).count() } else { 0 }
+            }
+            (MatchCriterion::RunningMean, count) => {
+                let mut sum = 0.0;
+                let mut is_similar = |up: &usize| {
+                    let level = self.level - up;
+                    let difference = self.distance(level, candidate >> up, (self.node >> up) as isize);
+                    // Relative to the threshold, which may be 0.
+                    sum += if difference > 0.0 {
+                        difference / f64::from(self.model.thresholds[level])
+                    } else {
+                        0.0
+                    };
+                    sum <= 0.5 * (up + 1) as f64
+                };
+                match count {
+                    MatchCount::Consecutive => up.take_while(is_similar).count(),
+                    MatchCount::Total if is_similar(&0) => 1 + (1..=self.level).filter(is_similar).count(),
+                    MatchCount::Total => 0,
+                }
+            }
+        }
+    }
+
+    /// Of candidates, those with the most ancestors that are similar, and of these those with the most predecessors.
+    fn deepest(&self, candidates: &mut dyn Iterator<Item = u32>) -> Option<Best> {
+        let mut found: (usize, Vec<u32>) = (1, Vec::new());
+        for m in candidates {
+            let depth = self.ancestors(m);
+            if depth > found.0 {
+                found = (depth, vec![m]);
+            } else if depth == found.0 {
+                found.1.push(m);
+            }
+        }
+        self.with_predecessors(found.0, found.1)
     }
 
     /// The best of the candidates that are wanted, and of all others, without those that go on for too long if there are others.
@@ -191,7 +256,13 @@ impl Step<'_> {
             return pair;
         }
         let percent = self.rules.percent();
-        for a in (1..=self.level + 1).rev() {
+        let [wanted, others] = split(&mut self.first.iter().copied(), &pair);
+        pair.wanted = self.deepest(&mut wanted.into_iter());
+        pair.others = self.deepest(&mut others.into_iter());
+        for a in self.classes() {
+            if pair.wanted.is_some() && pair.others.is_some() {
+                break;
+            }
             let found = pair.wanted.as_ref().or(pair.others.as_ref()).map_or(0, Best::quality);
             if 100 * (a + self.predecessor_limit()) < percent * found {
                 break;
@@ -200,10 +271,10 @@ impl Step<'_> {
             let [wanted, others] = split(&mut list.iter().copied(), &pair);
             pair.wanted = pair.wanted.or_else(|| self.with_predecessors(a, wanted));
             pair.others = pair.others.or_else(|| self.with_predecessors(a, others));
-            if pair.wanted.is_some() && pair.others.is_some() {
-                break;
-            }
         }
+        let [wanted, others] = split(&mut self.others().iter().copied(), &pair);
+        pair.wanted = pair.wanted.or_else(|| self.deepest(&mut wanted.into_iter()));
+        pair.others = pair.others.or_else(|| self.deepest(&mut others.into_iter()));
         if let (Some(wanted), Some(others)) = (&pair.wanted, &pair.others) {
             if is_discarded(wanted, others, percent) {
                 pair.wanted = None;
@@ -260,16 +331,18 @@ impl Step<'_> {
             .or_else(|| of(&|_| true))
     }
 
+    /// The greatest difference of a node of the model and one of the output, over channels.
+    fn distance(&self, level: usize, candidate: u32, node: isize) -> f64 {
+        let pairs = source_value(self.model, level, candidate).iter().zip(self.tree.value(level, node));
+        f64::from(pairs.fold(0.0_f32, |max, (a, b)| max.max((a - b).abs())))
+    }
+
     fn difference(&self, candidate: u32) -> f64 {
-        let between = |level: usize, m: u32, node: isize| -> f64 {
-            let pairs = source_value(self.model, level, m).iter().zip(self.tree.value(level, node));
-            f64::from(pairs.fold(0.0_f32, |max, (a, b)| max.max((a - b).abs())))
-        };
         let level = self.level;
         let mut sum = 0.0;
         if !self.is_root {
             for up in 0..APPROXIMATE_ANCESTORS.min(level + 1) {
-                sum += between(level - up, candidate >> up, (self.node >> up) as isize);
+                sum += self.distance(level - up, candidate >> up, (self.node >> up) as isize);
             }
         }
         for j in 1..=self.rules.predecessors {
@@ -279,7 +352,7 @@ impl Step<'_> {
             }
             // What precedes a recording is silence.
             sum += match predecessor(self.model, level, candidate, j as u32) {
-                Some(m) => between(level, m, node),
+                Some(m) => self.distance(level, m, node),
                 None => {
                     self.tree.value(level, node).iter().fold(0.0_f64, |max, x| max.max(f64::from(x.abs())))
                 }

@@ -121,6 +121,7 @@ impl Synthesizer {
         for layer in &mut self.layers {
             layer.tree.advance();
             layer.classes.clear();
+            layer.remaining.clear();
         }
         let depth = self.model.tree.depth as usize;
         let wanted = self.wanted(weights, root, 0, 0);
@@ -169,8 +170,19 @@ impl Synthesizer {
         }
         let longest = longest_run(model, rules, random, root);
         let (is_root, forbidden, has_masks) = (false, &[][..], *has_masks);
-        let step =
-            Step { longest, model, constraints, rules, tree, level, node, is_root, forbidden, has_masks };
+        let step = Step {
+            longest,
+            model,
+            constraints,
+            rules,
+            tree,
+            level,
+            node,
+            is_root,
+            forbidden,
+            has_masks,
+            first: &[],
+        };
         let best = step.best(classes, None, 0, |_| true)?;
         let all = classes.get(model, tree, level, node, best.ancestors).to_vec();
         Some((all, best))
@@ -228,7 +240,8 @@ impl Synthesizer {
         is_root: bool,
     ) -> u32 {
         let Self { model, constraints, rules, random, layers, counts, has_masks, .. } = self;
-        let Layer { tree, classes, recent, .. } = &mut layers[layer];
+        let Layer { tree, classes, recent, remaining, first, .. } = &mut layers[layer];
+        remaining.children(level, node, first);
         let (own, later, distance) = (wanted.own[layer], wanted.later[layer], wanted.distance);
         let longest = longest_run(model, rules, random, root);
         let step = Step {
@@ -242,6 +255,7 @@ impl Synthesizer {
             is_root,
             forbidden: &wanted.forbidden,
             has_masks: *has_masks,
+            first,
         };
         counts.steps += 1;
         let index = ((root << level) + node as i64) as u64;
@@ -252,7 +266,10 @@ impl Synthesizer {
             false => 1.0,
         };
         let complete = step.depth();
-        let pick = |best: Best, counts: &mut SynthesisCounts| {
+        let mut pick = |best: Best, counts: &mut SynthesisCounts| {
+            if !is_root {
+                remaining.set(level, node, &best.nodes);
+            }
             counts.candidates += best.nodes.len() as u64;
             counts.partial += u64::from(best.ancestors < complete);
             draw(&best.nodes, weight, uniform(0))

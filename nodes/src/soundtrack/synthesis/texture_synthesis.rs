@@ -2,7 +2,7 @@
 
 use super::morph::OverlapMode;
 use super::position::SourcePositions;
-use super::rules::{PredecessorCount, SynthesisRules, WeightBias};
+use super::rules::{CandidateSearch, MatchCount, MatchCriterion, SynthesisRules, WeightBias};
 use super::texture_stream::TextureStream;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -49,8 +49,13 @@ params! {
         predecessors: usize = 5, unit "", range 0..=64;
         /// Number of predecessors of a root that are compared.
         root_predecessors: usize = 16, unit "", range 0..=64;
-        /// How similar predecessors are counted.
-        count: PredecessorCount = PredecessorCount::Consecutive;
+        /// How similar ancestors and predecessors are counted. Where a score leaves no candidate all of whose ancestors are similar, `Total`
+        /// compares all nodes, which takes much longer.
+        count: MatchCount = MatchCount::Consecutive;
+        /// When ancestors are similar. `RunningMean` compares all nodes with `search: Exact`, which takes much longer.
+        criterion: MatchCriterion = MatchCriterion::PerCoefficient;
+        /// The candidates that are compared. `Narrow` copies longer stretches, because it follows few candidates from level to level.
+        search: CandidateSearch = CandidateSearch::Exact;
         /// Longest stretch of a recording that is repeated as it is, unless there is no other choice; None for no limit. Stretches in which one
         /// would go on have random lengths from a quarter of it.
         max_run: Option<f64> = Some(1.0), unit "s", range 0.001..=3600.0;
@@ -108,6 +113,8 @@ impl TextureSynthesisParams {
             predecessors: self.predecessors,
             root_predecessors: self.root_predecessors,
             count: self.count,
+            criterion: self.criterion,
+            search: self.search,
             look_ahead: self.look_ahead(),
             quality: self.quality,
             bias: self.bias,

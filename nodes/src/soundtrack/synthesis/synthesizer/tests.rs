@@ -1,12 +1,13 @@
 use super::super::choice::is_discarded;
 use super::super::classes::source_value;
-use super::super::rules::PredecessorCount;
+use super::super::rules::{CandidateSearch, MatchCount, MatchCriterion};
 use super::super::step::{APPROXIMATE_ANCESTORS, predecessor};
 use super::*;
 use crate::core::random::Rng;
 use crate::soundtrack::score::read_score;
 use crate::soundtrack::synthesis::WeightBias;
 use crate::soundtrack::wavelet::{ThresholdRules, TreeFit, TreeRecording, TreeRules, WaveletTree};
+use std::cell::RefCell;
 
 const RATE: f64 = 1000.0;
 
@@ -82,10 +83,15 @@ fn naive(
     let random = Random::new(seed, "texture");
     let depth = model.tree.depth as usize;
     let mut picks: Vec<Vec<u32>> = (0..depth).map(|l| vec![NONE; roots << l]).collect();
+    // The candidates that are left of each node.
+    let mut remaining: Vec<Vec<Vec<u32>>> = (0..depth).map(|l| vec![Vec::new(); roots << l]).collect();
     for pass in 0..depth {
         let level = pass.saturating_sub(1);
         for node in 0..roots << level {
-            let pick = naive_choice(model, constraints, rules, &random, &picks, level, node, pass == 0);
+            let parents = if level > 0 { &remaining[level - 1][node / 2][..] } else { &[] };
+            let (pick, left) =
+                naive_choice(model, constraints, rules, &random, &picks, parents, level, node, pass == 0);
+            remaining[level][node] = left;
             if pass == 0 {
                 picks[0][node] = pick;
             } else {
@@ -104,10 +110,12 @@ fn naive_choice(
     rules: &SynthesisRules,
     random: &Random,
     picks: &[Vec<u32>],
+    parents: &[u32],
     level: usize,
     node: usize,
     is_root: bool,
-) -> u32 {
+) -> (u32, Vec<u32>) {
+    let left = RefCell::new(Vec::new());
     let similar = |level: usize, a: u32, b: u32| {
         let (a, b) = (source_value(model, level, a), source_value(model, level, b));
         a.iter().zip(b).all(|(a, b)| (a - b).abs() <= model.thresholds[level])
@@ -116,7 +124,24 @@ fn naive_choice(
         if is_root {
             return 1;
         }
-        (0..=level).take_while(|up| similar(level - up, c >> up, picks[level - up][node >> up])).count()
+        let mut sum = 0.0;
+        let each: Vec<bool> = (0..=level)
+            .map(|up| match rules.criterion {
+                MatchCriterion::PerCoefficient => similar(level - up, c >> up, picks[level - up][node >> up]),
+                MatchCriterion::RunningMean => {
+                    let [a, b] =
+                        [c >> up, picks[level - up][node >> up]].map(|m| source_value(model, level - up, m));
+                    let difference = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                    sum += f64::from(difference) / f64::from(model.thresholds[level - up]);
+                    sum / (up + 1) as f64 <= 0.5
+                }
+            })
+            .collect();
+        match rules.count {
+            _ if !each[0] => 0,
+            MatchCount::Consecutive => each.iter().take_while(|is| **is).count(),
+            MatchCount::Total => each.iter().filter(|is| **is).count(),
+        }
     };
     let predecessors = |c: u32| {
         let k = if level == 0 { rules.root_predecessors } else { rules.predecessors };
@@ -126,8 +151,8 @@ fn naive_choice(
                     .is_some_and(|m| similar(level, m, picks[level][node - j]))
         };
         match rules.count {
-            PredecessorCount::Consecutive => (1..=k).take_while(ok).count(),
-            PredecessorCount::Total => (1..=k).filter(ok).count(),
+            MatchCount::Consecutive => (1..=k).take_while(ok).count(),
+            MatchCount::Total => (1..=k).filter(ok).count(),
         }
     };
     let too_long = |c: u32| {
@@ -143,9 +168,10 @@ fn naive_choice(
         let share = 0.25 + 0.75 * random.uniform(0, root, 2);
         run > count && f64::from(run) * model.tree.span(at) as f64 > longest * share * model.tree.rate
     };
-    let best = |admits: &dyn Fn(u32) -> bool| {
+    let best_of = |nodes: Vec<u32>, admits: &dyn Fn(u32) -> bool| {
         let mut found: Option<Best> = None;
-        for c in (0..model.tree.nodes(level) as u32)
+        for c in nodes
+            .into_iter()
             .filter(|c| admits(*c) && !model.tree.is_masked(level, *c) && !model.is_redundant(level, *c))
         {
             let (a, b) = (ancestors(c), predecessors(c));
@@ -160,7 +186,11 @@ fn naive_choice(
         }
         found
     };
-    let any = best;
+    let children = || parents.iter().flat_map(|m| [2 * m, 2 * m + 1]).collect();
+    let any = |admits: &dyn Fn(u32) -> bool| {
+        let narrow = (rules.search == CandidateSearch::Narrow).then(|| best_of(children(), admits)).flatten();
+        narrow.or_else(|| best_of((0..model.tree.nodes(level) as u32).collect(), admits))
+    };
     let best = |admits: &dyn Fn(u32) -> bool| any(&|c| admits(c) && !too_long(c)).or_else(|| any(admits));
     let span = model.tree.span(level) as f64;
     let at = |node: f64| (node * span / RATE, (node + 1.0) * span / RATE);
@@ -187,7 +217,12 @@ fn naive_choice(
     let then = |c: u32| later.is_none_or(|later| after(c).is_some_and(|m| inside(later, m)));
     let index = node as u64;
     let entity = if is_root { 0 } else { level as u32 + 1 };
-    let pick = |best: Best| draw(&best.nodes, |_| 1.0, random.uniform(entity, index, 0)).unwrap();
+    let pick = |best: Best| {
+        if !is_root {
+            left.borrow_mut().clone_from(&best.nodes);
+        }
+        draw(&best.nodes, |_| 1.0, random.uniform(entity, index, 0)).unwrap()
+    };
     // The node that differs least.
     let least = |admits: &dyn Fn(u32) -> bool| {
         let between = |level: usize, a: u32, b: u32| {
@@ -207,7 +242,10 @@ fn naive_choice(
             .filter(|c| admits(*c) && !too_long(*c) && !model.is_redundant(level, *c));
         nodes.min_by(|a, b| difference(*a).total_cmp(&difference(*b))).unwrap()
     };
-    let Some(main) = own.or(later) else { return best(&allowed).map_or_else(|| least(&allowed), pick) };
+    let Some(main) = own.or(later) else {
+        let picked = best(&allowed).map_or_else(|| least(&allowed), pick);
+        return (picked, left.into_inner());
+    };
     if main.is_hard && own.is_some() {
         let own = best(&|c| allowed(c) && now(c));
         // The first that matches well enough: without those that are too long, or with them.
@@ -216,7 +254,8 @@ fn naive_choice(
         let prepared = any(&|c| prepared(c) && !too_long(c))
             .filter(is_enough)
             .or_else(|| any(&prepared).filter(|w| rules.max_run.is_some() && is_enough(w)));
-        return prepared.or(own).map_or_else(|| least(&|c| allowed(c) && now(c)), pick);
+        let picked = prepared.or(own).map_or_else(|| least(&|c| allowed(c) && now(c)), pick);
+        return (picked, left.into_inner());
     }
     let pair = |is_wanted: &dyn Fn(u32) -> bool| {
         let of = |limited: bool| {
@@ -233,7 +272,7 @@ fn naive_choice(
     if both.0.is_none() && own.is_some() && later.is_some() {
         both = pair(&now);
     }
-    match both {
+    let picked = match both {
         (Some(w), Some(v)) => {
             let p = probability(rules, main.weight, w.nodes.len() as f64, v.nodes.len() as f64);
             pick(if random.uniform(0, (node >> level) as u64, 1) < p { w } else { v })
@@ -241,12 +280,23 @@ fn naive_choice(
         (Some(w), None) => pick(w),
         (None, Some(v)) => pick(v),
         (None, None) => least(&allowed),
+    };
+    (picked, left.into_inner())
+}
+
+/// Rules with one of the 8 ways to count and to search.
+fn variant(k: u64, rules: SynthesisRules) -> SynthesisRules {
+    SynthesisRules {
+        count: [MatchCount::Consecutive, MatchCount::Total][k as usize % 2],
+        criterion: [MatchCriterion::PerCoefficient, MatchCriterion::RunningMean][k as usize / 2 % 2],
+        search: [CandidateSearch::Exact, CandidateSearch::Narrow][k as usize / 4 % 2],
+        ..rules
     }
 }
 
 #[test]
 fn the_search_finds_what_comparing_all_nodes_finds() {
-    for seed in 0..50_u64 {
+    for seed in 0..96_u64 {
         let channels = 1 + seed as usize % 2;
         let quantile = [0.02, 0.1, 0.25, 0.5][seed as usize % 4];
         let fit = [TreeFit::Circular, TreeFit::PadReflect, TreeFit::Trim][seed as usize % 3];
@@ -255,7 +305,7 @@ fn the_search_finds_what_comparing_all_nodes_finds() {
             first.iter_mut().for_each(|x| x[300..800].fill(0.0));
         }
         let model = model_of(vec![first, texture(700, channels, seed + 99)], fit, 0.13, quantile);
-        let rules = SynthesisRules { max_run: (seed % 2 == 0).then_some(0.2), ..free() };
+        let rules = SynthesisRules { max_run: (seed % 2 == 0).then_some(0.2), ..variant(seed / 12, free()) };
         let none = Arc::new(Constraints::default());
         // Some of the recordings have digital silence.
         let (fast, counts) = synthesised(&model, &none, &rules, 12, seed);
@@ -267,7 +317,7 @@ fn the_search_finds_what_comparing_all_nodes_finds() {
 #[test]
 fn the_directed_search_finds_what_comparing_all_nodes_finds() {
     let mut seen = SynthesisCounts::default();
-    for seed in 0..30_u64 {
+    for seed in 0..48_u64 {
         let quantile = [0.1, 0.25, 0.5][seed as usize % 3];
         let model = model_of(
             vec![texture(1500, 1, seed), texture(700, 1, seed + 99)],
@@ -276,8 +326,8 @@ fn the_directed_search_finds_what_comparing_all_nodes_finds() {
             quantile,
         );
         let bias = [WeightBias::Probability, WeightBias::Monotone, WeightBias::Paper][seed as usize % 3];
-        let count = [PredecessorCount::Consecutive, PredecessorCount::Total][seed as usize % 2];
-        let rules = SynthesisRules { bias, count, look_ahead: [0.0, 0.1][seed as usize % 2], ..free() };
+        let look_ahead = [0.0, 0.1][seed as usize % 2];
+        let rules = SynthesisRules { bias, look_ahead, ..variant(seed / 2, free()) };
         let score = "sources: [(name: \"a\", segments: [(0.2, 0.5), (0.8, 0.9)]), (name: \"b\", segments: [(0.05, 0.3)], recording: \"1.wav\"),
             (name: \"c\", segments: [(0.5, 0.7)])],
             targets: [(source: \"a\", curve: [(0.1, 0), (0.3, 1), (0.6, 1), (0.7, 0.2)]), (source: \"b\", from: 0.55, to: 0.9, weight: 0.5),
