@@ -53,6 +53,9 @@ pub struct SynthesisRules {
     pub predecessors: usize,
     /// The same for roots.
     pub root_predecessors: usize,
+    /// Roots are chosen by how well their levels by octave continue those before, and not by predecessors that match: the greatest difference, relative
+    /// to that of consecutive blocks of the recordings.
+    pub continuity: Option<f64>,
     /// How similar ancestors and predecessors are counted.
     pub count: MatchCount,
     /// When ancestors are similar.
@@ -82,6 +85,7 @@ impl Default for SynthesisRules {
         Self {
             predecessors: 5,
             root_predecessors: 16,
+            continuity: Some(0.5),
             count: MatchCount::Consecutive,
             criterion: MatchCriterion::PerCoefficient,
             search: CandidateSearch::Exact,

@@ -130,7 +130,7 @@ impl Step<'_> {
     ) -> Option<Best> {
         if self.is_root {
             let roots = (0..self.model.tree.roots() as u32).filter(|m| is_admitted(*m)).collect();
-            return self.with_predecessors(1, roots);
+            return self.of_roots(roots);
         }
         let first = self.deepest(&mut self.first.iter().copied().filter(|m| is_admitted(*m)));
         if first.is_some() {
@@ -251,8 +251,8 @@ impl Step<'_> {
         if self.is_root {
             // A root has no ancestors that could match better or worse.
             let [wanted, others] = split(&mut (0..self.model.tree.roots() as u32), &pair);
-            pair.wanted = self.with_predecessors(1, wanted);
-            pair.others = self.with_predecessors(1, others);
+            pair.wanted = self.of_roots(wanted);
+            pair.others = self.of_roots(others);
             return pair;
         }
         let percent = self.rules.percent();
@@ -289,6 +289,29 @@ impl Step<'_> {
     /// The greatest number of predecessors that can match.
     fn predecessor_limit(&self) -> usize {
         if self.level == 0 { self.rules.root_predecessors } else { self.rules.predecessors }
+    }
+
+    /// Of roots, those that may be chosen: all of them by their [continuity](Self::continuity), or those with the most predecessors that match.
+    fn of_roots(&self, nodes: Vec<u32>) -> Option<Best> {
+        match self.rules.continuity {
+            Some(_) => (!nodes.is_empty()).then_some(Best { ancestors: 1, predecessors: 0, nodes }),
+            None => self.with_predecessors(1, nodes),
+        }
+    }
+
+    /// How well the levels of what precedes a root in its recording continue those of the root before this one, from 0 to 1: about 1 within the
+    /// difference that the rules state, and little beyond it.
+    pub fn continuity(&self, root: u32) -> f64 {
+        let (Some(scale), true) = (self.rules.continuity, self.is_root) else { return 1.0 };
+        match (self.tree.pick(0, -1), predecessor(self.model, 0, root, 1)) {
+            (NONE, _) => 1.0,
+            (before, Some(own)) => {
+                let difference = self.model.envelopes.relative_difference(before, own) / scale;
+                1.0 / (1.0 + difference.powi(8))
+            }
+            // What precedes a recording is not known.
+            (_, None) => 0.0,
+        }
     }
 
     /// Of candidates, those with the most predecessors that match.

@@ -263,7 +263,7 @@ impl Synthesizer {
         let uniform = |lane| random.uniform(entity, index, lane);
         let weight = |m: u32| match rules.repetition < 1.0 && !is_root {
             true => rules.repetition.powi(i32::from(recent[level].counts[m as usize])),
-            false => 1.0,
+            false => step.continuity(m),
         };
         let complete = step.depth();
         let mut pick = |best: Best, counts: &mut SynthesisCounts| {

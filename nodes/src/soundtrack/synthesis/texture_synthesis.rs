@@ -47,7 +47,11 @@ params! {
         rate: Rate = Rate::hz(48_000);
         /// Number of predecessors that are compared.
         predecessors: usize = 5, unit "", range 0..=64;
-        /// Number of predecessors of a root that are compared.
+        /// A block goes on from the one before it if its predecessor in the recording has similar levels by octave: the difference at which another
+        /// block is half as likely, relative to the median difference of consecutive blocks. None: the blocks whose predecessors match most are chosen, as in
+        /// the paper, whatever their levels.
+        continuity: Option<f64> = Some(0.5), unit "", range 0.001..=1000.0;
+        /// Number of predecessors of a block that are compared without `continuity`.
         root_predecessors: usize = 16, unit "", range 0..=64;
         /// How similar ancestors and predecessors are counted. Where a score leaves no candidate all of whose ancestors are similar, `Total`
         /// compares all nodes, which takes much longer.
@@ -112,6 +116,7 @@ impl TextureSynthesisParams {
         SynthesisRules {
             predecessors: self.predecessors,
             root_predecessors: self.root_predecessors,
+            continuity: self.continuity,
             count: self.count,
             criterion: self.criterion,
             search: self.search,

@@ -1,5 +1,6 @@
 //! Wavelet transforms of sounds: trees of coefficients, and models of textures.
 
+mod envelope;
 pub mod family;
 mod file;
 pub mod model;
@@ -10,6 +11,7 @@ pub mod transform;
 pub mod tree;
 pub mod wavelet_tree;
 
+pub use envelope::Envelopes;
 pub use family::Wavelet;
 pub use model::{TextureModel, ThresholdRules, ThresholdScale};
 pub use transform::{Coefficients, FilterBank, StreamingInverse, forward, inverse};

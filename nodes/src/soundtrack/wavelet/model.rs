@@ -1,5 +1,6 @@
 //! Statistical models of sound textures: trees whose nodes are found by value.
 
+use super::envelope::Envelopes;
 use super::tree::{TreeError, WaveletTree};
 use crate::choices;
 use crate::core::item::Data;
@@ -52,6 +53,8 @@ pub struct TextureModel {
     order: Vec<Vec<u32>>,
     /// By level, true for redundant nodes; empty if there is none.
     redundant: Vec<Vec<bool>>,
+    /// The levels of the roots by octave.
+    pub envelopes: Envelopes,
 }
 
 /// What a file contains.
@@ -152,7 +155,7 @@ impl TextureModel {
         };
         // The leaves are copied with their parents and are never searched.
         let order = (0..tree.depth as usize - 1).into_par_iter().map(by_value).collect();
-        Self { tree, thresholds, order, redundant }
+        Self { envelopes: Envelopes::new(&tree), tree, thresholds, order, redundant }
     }
 
     /// True if a node and all below it are 0, and the next node and all below that too: of digital silence, the last node stands for all. What is

@@ -48,7 +48,7 @@ fn constraints(model: &TextureModel, score: &str) -> Arc<Constraints> {
 
 /// Rules with no preference against repetition.
 fn free() -> SynthesisRules {
-    SynthesisRules { max_run: None, look_ahead: 0.0, ..SynthesisRules::default() }
+    SynthesisRules { max_run: None, look_ahead: 0.0, continuity: None, ..SynthesisRules::default() }
 }
 
 /// The picks of all levels and roots.
@@ -174,7 +174,8 @@ fn naive_choice(
             .into_iter()
             .filter(|c| admits(*c) && !model.tree.is_masked(level, *c) && !model.is_redundant(level, *c))
         {
-            let (a, b) = (ancestors(c), predecessors(c));
+            let (a, b) =
+                (ancestors(c), if is_root && rules.continuity.is_some() { 0 } else { predecessors(c) });
             if a == 0 {
                 continue;
             }
@@ -185,6 +186,13 @@ fn naive_choice(
             }
         }
         found
+    };
+    let weight = |c: u32| match rules.continuity {
+        Some(scale) if is_root && node > 0 => predecessor(model, 0, c, 1).map_or(0.0, |m| {
+            let difference = model.envelopes.relative_difference(m, picks[0][node - 1]);
+            1.0 / (1.0 + (difference / scale).powi(8))
+        }),
+        _ => 1.0,
     };
     let children = || parents.iter().flat_map(|m| [2 * m, 2 * m + 1]).collect();
     let any = |admits: &dyn Fn(u32) -> bool| {
@@ -221,7 +229,7 @@ fn naive_choice(
         if !is_root {
             left.borrow_mut().clone_from(&best.nodes);
         }
-        draw(&best.nodes, |_| 1.0, random.uniform(entity, index, 0)).unwrap()
+        draw(&best.nodes, weight, random.uniform(entity, index, 0)).unwrap()
     };
     // The node that differs least.
     let least = |admits: &dyn Fn(u32) -> bool| {
@@ -274,7 +282,8 @@ fn naive_choice(
     }
     let picked = match both {
         (Some(w), Some(v)) => {
-            let p = probability(rules, main.weight, w.nodes.len() as f64, v.nodes.len() as f64);
+            let [of_w, of_v] = [&w, &v].map(|best| best.nodes.iter().map(|m| weight(*m)).sum());
+            let p = probability(rules, main.weight, of_w, of_v);
             pick(if random.uniform(0, (node >> level) as u64, 1) < p { w } else { v })
         }
         (Some(w), None) => pick(w),
@@ -290,6 +299,7 @@ fn variant(k: u64, rules: SynthesisRules) -> SynthesisRules {
         count: [MatchCount::Consecutive, MatchCount::Total][k as usize % 2],
         criterion: [MatchCriterion::PerCoefficient, MatchCriterion::RunningMean][k as usize / 2 % 2],
         search: [CandidateSearch::Exact, CandidateSearch::Narrow][k as usize / 4 % 2],
+        continuity: [None, Some(0.5)][(k as usize + k as usize / 2) % 2],
         ..rules
     }
 }
