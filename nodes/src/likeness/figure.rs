@@ -1,7 +1,7 @@
 //! The figure of a comparison.
 
 use super::active::LOWEST;
-use super::envelope_lines::EnvelopeSpectrum;
+use super::envelope_lines::{EnvelopeSpectrum, HarmonicLine};
 use super::report::{Likeness, Statistic};
 use crate::plot::{Axis, Chart, Line, Span, chart_over, grid_below, with_spans};
 
@@ -16,8 +16,8 @@ pub(super) struct Distributions {
     pub levels: [Vec<f64>; 2],
     /// Sorted levels above 8 kHz: at joins, between them, and in the recordings.
     pub joins: Option<([Vec<f64>; 2], Vec<f64>)>,
-    /// Spectra of the envelope.
-    pub spectra: Option<[EnvelopeSpectrum; 2]>,
+    /// Spectrum of the envelope of the sound.
+    pub spectrum: Option<EnvelopeSpectrum>,
 }
 
 /// Share of values up to each.
@@ -69,8 +69,15 @@ pub(super) fn charts(likeness: &Likeness, found: &Distributions) -> Vec<Chart> {
     };
     let axes = ("modulation frequency, Hz", ("power of the envelope, dB", false));
     charts.push(ranges(likeness, "Modulation spectrum", axes, modulation));
-    if let Some([own, recorded]) = &found.spectra {
-        let lines = vec![Line::new("sound", own.contrast()), Line::new("recordings", recorded.contrast())];
+    if let (Some(spectrum), Some(report)) = (&found.spectrum, &likeness.lines) {
+        let dots = |label: &str, of: &dyn Fn(&HarmonicLine) -> Option<f64>| {
+            Line::dots(label, report.lines.iter().filter_map(|line| Some([line.hz, of(line)?])).collect())
+        };
+        let lines = vec![
+            Line::new("sound", spectrum.contrast()),
+            dots("recordings' lines", &|line| line.recordings_db),
+            dots("lines", &|line| Some(line.db)),
+        ];
         let title = "Envelope, relative to the neighbourhood of each frequency";
         charts.push(Chart::of(title, (frequency, false), ("dB", false), lines));
     }

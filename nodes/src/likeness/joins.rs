@@ -11,6 +11,8 @@ pub(super) const HIGH: f64 = 8000.0;
 const AROUND: f64 = 0.005;
 /// Blocks within that duration.
 const BLOCKS: usize = 10;
+/// Joins that are nearer to a louder one are not listed, s: they are the same place.
+const APART: f64 = 0.02;
 /// The share of intervals of the recordings that are softer than the limit.
 const SHARE: f64 = 0.95;
 
@@ -81,7 +83,7 @@ pub struct JoinReport {
     pub recordings_db: Option<f64>,
     /// Share of joins above the 95th percentile of the recordings: 0.05 if joins are like the recordings.
     pub share_above: Option<f64>,
-    /// The loudest joins, loudest first.
+    /// The loudest joins at least 20 ms apart, loudest first.
     pub loudest: Vec<JoinPlace>,
 }
 
@@ -113,7 +115,13 @@ pub(super) fn join_report(
     };
     let mut loudest: Vec<JoinPlace> = active.iter().zip(&levels).filter_map(place).collect();
     loudest.sort_by(|a, b| b.excess_db.total_cmp(&a.excess_db));
-    loudest.truncate(worst);
+    let mut places: Vec<JoinPlace> = Vec::new();
+    for place in loudest {
+        if places.len() < worst && places.iter().all(|p| (p.at - place.at).abs() >= APART) {
+            places.push(place);
+        }
+    }
+    let loudest = places;
     let above = |limit: f64| {
         let count = levels.iter().filter(|level| **level > limit).count();
         (!levels.is_empty()).then(|| count as f64 / levels.len() as f64)

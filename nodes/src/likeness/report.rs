@@ -54,6 +54,10 @@ pub struct RepeatReport {
 pub struct LineReport {
     /// Duration of a unit, s.
     pub unit_s: f64,
+    /// Duration of the frames of the sound, s. A line is higher in longer frames.
+    pub frame_s: f64,
+    /// Duration of the frames of the recordings, s.
+    pub recordings_frame_s: f64,
     /// Mean level of all lines above their neighbourhoods, dB.
     pub mean_db: Option<f64>,
     /// The same of all recordings.
@@ -203,7 +207,11 @@ impl Likeness {
         if let Some(l) = &self.lines {
             let (mean, recordings) = (number(l.mean_db, 1, "dB"), number(l.recordings_db, 1, "dB"));
             let hz = 1.0 / l.unit_s;
-            line("lines", format!("{mean} at multiples of {hz:.1} Hz (recordings {recordings})"));
+            line("lines", format!("{mean} at {hz:.1} Hz and its multiples (recordings {recordings})"));
+            let highest = l.lines.iter().max_by(|a, b| a.db.total_cmp(&b.db));
+            if let Some(highest) = highest {
+                line("", format!("highest {:.1} dB at {:.1} Hz", highest.db, highest.hz));
+            }
         }
         if let Some(j) = &self.joins {
             let excess = number(self.join_excess(), 1, "dB");
@@ -250,21 +258,9 @@ impl Likeness {
         ];
         let mut table = ResultTable::new(&columns);
         let mut own = |name: &str, unit: &str, sound: Option<f64>, recordings: Option<f64>| {
-            let empty = || Cell::Empty;
-            let values = [sound.into(), recordings.into()];
-            let [sound, recordings] = values;
-            table.push([
-                name.into(),
-                empty(),
-                empty(),
-                unit.into(),
-                sound,
-                recordings,
-                empty(),
-                empty(),
-                empty(),
-                empty(),
-            ]);
+            let mut row = vec![Cell::Empty; columns.len()];
+            (row[0], row[3], row[4], row[5]) = (name.into(), unit.into(), sound.into(), recordings.into());
+            table.push(row);
         };
         let r = &self.repeats;
         own("repeated share", "", r.share, r.recordings_share);
