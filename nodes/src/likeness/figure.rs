@@ -7,6 +7,8 @@ use crate::plot::{Axis, Chart, Line, Span, chart_over, grid_below, with_spans};
 
 /// Repeats and joins that are marked over the whole height of the spectrogram.
 const MARKED: [usize; 2] = [6, 4];
+/// Lowest value of the spectrum of the envelope that is drawn, dB.
+const LEAST_CONTRAST: f64 = -4.0;
 /// Points of a distribution.
 const POINTS: usize = 200;
 
@@ -70,13 +72,16 @@ pub(super) fn charts(likeness: &Likeness, found: &Distributions) -> Vec<Chart> {
     let axes = ("modulation frequency, Hz", ("power of the envelope, dB", false));
     charts.push(ranges(likeness, "Modulation spectrum", axes, modulation));
     if let (Some(spectrum), Some(report)) = (&found.spectrum, &likeness.lines) {
-        let dots = |label: &str, of: &dyn Fn(&HarmonicLine) -> Option<f64>| {
-            Line::dots(label, report.lines.iter().filter_map(|line| Some([line.hz, of(line)?])).collect())
+        // A stem for each line.
+        let stems = |label: &str, of: &dyn Fn(&HarmonicLine) -> Option<f64>| {
+            let stem = |line: &HarmonicLine| Some([0.0, of(line)?, 0.0].map(|db| [line.hz, db]));
+            Line::new(label, report.lines.iter().filter_map(stem).flatten().collect())
         };
+        let contrast = spectrum.contrast().into_iter().map(|[hz, db]| [hz, db.max(LEAST_CONTRAST)]);
         let lines = vec![
-            Line::new("sound", spectrum.contrast()),
-            dots("recordings' lines", &|line| line.recordings_db),
-            dots("lines", &|line| Some(line.db)),
+            Line::new("sound", contrast.collect()),
+            stems("recordings", &|line| line.recordings_db),
+            stems("lines", &|line| Some(line.db)),
         ];
         let title = "Envelope, relative to the neighbourhood of each frequency";
         charts.push(Chart::of(title, (frequency, false), ("dB", false), lines));

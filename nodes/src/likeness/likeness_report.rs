@@ -30,9 +30,9 @@ params! {
     /// A frame of a tone correlates with all of its past without being a copy: frames that correlate with themselves within 25 ms are
     /// counted as periodic, not as repeated. What remains in the recordings themselves is the baseline, which is reported beside it.
     ///
-    /// Recordings are those of `database`, then those of `recordings`. With `picks` the report has the joins and the length of a unit; without
-    /// them the unit is that of `unit`, or of `database`. Channels are averaged, sounds are high-passed at 100 Hz, and levels are relative
-    /// to the level of each sound: a gain after the concatenation changes nothing. Of a single recording of at least a second, ranges are
+    /// Recordings are those of `database`, then those of `recordings`. With `picks` the report has the joins. The length of a unit is `unit`, or
+    /// that of `picks` or `database`. Channels are averaged, sounds are high-passed at 100 Hz, and levels are relative to the level of each
+    /// sound: a gain after the concatenation changes nothing. Of a single recording of at least a second, ranges are
     /// over its halves and quarters.
     ///
     /// # Source
