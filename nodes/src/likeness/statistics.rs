@@ -11,9 +11,12 @@ const FASTEST: f64 = 0.7;
 
 /// Width of a third of an octave and of an octave, relative to the centre.
 const THIRD: f64 = 0.2316;
-const OCTAVE: f64 = 0.7071;
+const OCTAVE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Standard error of a power that is relatively 1, dB.
 const POWER_ERROR: f64 = 4.343;
+
+/// Power in each band of modulation with the duration in s that it is of.
+type WeightedPowers = [Option<(f64, f64)>; MODULATION_BANDS];
 
 /// A value with the quantity that it is of.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,8 +43,8 @@ pub struct SoundStatistics {
     pub thirds: Vec<(f64, Moments)>,
     /// Moments by octave.
     pub octaves: Vec<(f64, Moments)>,
-    /// Power of modulation of the whole sound, without a centre, and of each octave; with the weight of each power.
-    modulation: Vec<(Option<f64>, [Option<(f64, f64)>; MODULATION_BANDS])>,
+    /// Power of modulation of the whole sound, without a centre, and of each octave.
+    modulation: Vec<(Option<f64>, WeightedPowers)>,
 }
 
 /// Percentile of values, by linear interpolation; `None` without values.
