@@ -131,6 +131,12 @@ impl Image {
         grey_png(size, pixels).map(|png| Self(STANDARD.encode(png)))
     }
 
+    /// Returns true for the default, which has no pixels.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// An SVG element of the picture.
     pub(crate) fn element(&self, [left, top, width, height]: [f64; 4]) -> String {
         format!(
@@ -241,6 +247,85 @@ pub fn chart_over(image: Option<&Image>, title: &str, x: &Axis, y: &Axis, lines:
     svg
 }
 
+/// An interval of the horizontal axis that is marked in a chart.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Span {
+    /// Its ends.
+    pub range: [f64; 2],
+    /// Text at its beginning; may be empty.
+    pub label: String,
+    /// Colour, as of [`colour`].
+    pub colour: String,
+    /// True to mark it over the whole height of the chart, false for its upper edge only.
+    pub is_full: bool,
+}
+
+/// Height of the rows of labels of spans, and of a mark at the upper edge, px.
+const SPAN_ROW: f64 = 12.0;
+const SPAN_EDGE: f64 = 5.0;
+
+/// Marks intervals in a chart of [`chart_over`] whose horizontal axis is `x`. Labels that would overlap stand in up to six rows.
+#[must_use]
+pub(crate) fn with_spans(svg: &str, x: &Axis, spans: &[Span]) -> String {
+    let [left, top, right, bottom] = MARGIN;
+    let (width, height) = (SIZE[0] - left - right, SIZE[1] - top - bottom);
+    let mut sorted: Vec<&Span> = spans.iter().collect();
+    sorted.sort_by(|a, b| a.range[0].total_cmp(&b.range[0]));
+    let (mut marks, mut ends) = (String::new(), [f64::NEG_INFINITY; 6]);
+    for span in sorted {
+        let [from, to] = span.range.map(|t| left + x.fraction(t).clamp(0.0, 1.0) * width);
+        let (w, colour) = ((to - from).max(1.0), &span.colour);
+        let mut rect = |y: f64, h: f64, opacity: f64| {
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                marks,
+                "<rect x=\"{from:.1}\" y=\"{y:.1}\" width=\"{w:.1}\" height=\"{h:.1}\" fill=\"{colour}\" \
+                 fill-opacity=\"{opacity}\"/>"
+            );
+        };
+        rect(top, SPAN_EDGE, 1.0);
+        if span.is_full {
+            rect(top, height, 0.25);
+        }
+        if span.label.is_empty() {
+            continue;
+        }
+        // About half an em for each character.
+        let length = 0.55 * 10.0 * span.label.chars().count() as f64;
+        let at = from.min(left + width - length);
+        let row = ends.iter().position(|end| *end < at).unwrap_or(ends.len() - 1);
+        ends[row] = at + length + 4.0;
+        let y = top + SPAN_EDGE + SPAN_ROW * (row as f64 + 0.8);
+        let label = escaped(&span.label);
+        let _ = writeln!(
+            marks,
+            "<rect x=\"{at:.1}\" y=\"{:.1}\" width=\"{length:.1}\" height=\"{SPAN_ROW}\" fill=\"white\" fill-opacity=\"0.8\"/>\n\
+             <text x=\"{at:.1}\" y=\"{y:.1}\" font-size=\"10\" fill=\"{colour}\">{label}</text>",
+            y - 0.8 * SPAN_ROW
+        );
+    }
+    match svg.rfind("</svg>") {
+        Some(end) => format!("{}{marks}{}", &svg[..end], &svg[end..]),
+        None => svg.to_owned(),
+    }
+}
+
+/// Puts a chart over the whole width above charts in rows of `columns`, as one SVG document.
+#[must_use]
+pub(crate) fn grid_below(first: &str, charts: &[String], columns: usize) -> String {
+    let columns = columns.max(1);
+    let scale = columns as f64;
+    let [width, height] = SIZE.map(|size| scale * size);
+    let total = height + SIZE[1] * charts.len().div_ceil(columns) as f64;
+    let below = grid(charts, columns);
+    let top = first.replacen("<svg ", &format!("<svg width=\"{width}\" height=\"{height}\" "), 1);
+    let place = format!("<svg y=\"{height}\" width=\"{width}\" height=\"{}\" ", total - height);
+    let below = below.replacen("<svg ", &place, 1);
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {total}\">\n{top}{below}</svg>\n"
+    )
+}
+
 /// Puts charts beside each other as one SVG document.
 #[must_use]
 pub fn beside(charts: &[String]) -> String {
@@ -319,5 +404,25 @@ mod tests {
         assert!(svg.contains("points=\"70.0,388.0 590.0,34.0\""), "{svg}");
         assert!(svg.contains("a &lt; b") && svg.ends_with("</svg>\n"));
         assert_eq!((svg.matches("<polyline").count(), svg.matches("<circle").count()), (1, 2));
+    }
+
+    #[test]
+    fn spans_are_marked_where_they_are_and_their_labels_do_not_overlap() {
+        let x = Axis { label: "t".into(), range: [0.0, 10.0], log: false };
+        let plain = chart("t", &x, &log([1.0, 100.0]), &[]);
+        let span = |from: f64, label: &str, is_full| Span {
+            range: [from, from + 1.0],
+            label: label.into(),
+            colour: "#ff0000".into(),
+            is_full,
+        };
+        let svg =
+            with_spans(&plain, &x, &[span(5.0, "a & b", true), span(5.1, "c", true), span(0.0, "", false)]);
+        assert!(svg.contains("<rect x=\"330.0\" y=\"34.0\" width=\"52.0\" height=\"354.0\""), "{svg}");
+        assert!(svg.contains("y=\"48.6\" font-size=\"10\" fill=\"#ff0000\">a &amp; b"), "{svg}");
+        assert!(svg.contains("y=\"60.6\" font-size=\"10\" fill=\"#ff0000\">c<"), "{svg}");
+        assert_eq!(svg.matches("height=\"5.0\"").count(), 3);
+        let all = grid_below(&svg, &vec![plain; 3], 2);
+        assert!(all.contains("viewBox=\"0 0 1440 1760\"") && all.contains("<svg y=\"880\""), "{all}");
     }
 }

@@ -52,6 +52,7 @@ use crate::grain::synthesis::pattern_report::PatternReport;
 use crate::grain::synthesis::pattern_resynth::PatternResynth;
 use crate::grain::synthesis::pattern_timescale::PatternTimescale;
 use crate::grain::synthesis::pattern_variation::PatternVariation;
+use crate::likeness::likeness_report::LikenessReport;
 use crate::material::experiments::damping_experiment::DampingExperiment;
 use crate::material::experiments::fit_comparison::FitComparison;
 use crate::material::experiments::fit_convergence::FitConvergence;
@@ -381,6 +382,8 @@ impl Registry {
             .with::<OnlineUnitSelector>()
             .with::<UnitConcatenator>()
             .with::<SelectionReportNode>()
+            .family("likeness")
+            .with::<LikenessReport>()
             .family("modal")
             .with::<ImpactFile>()
             .with::<ImpactsFromRecording>()

@@ -7,6 +7,7 @@ mod console;
 mod docs;
 mod draw;
 mod levels;
+mod likeness;
 mod live;
 mod new;
 mod nodes;
@@ -110,6 +111,7 @@ pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
         Command::Explain(args) => text::explain(&args),
         Command::Graph(args) => draw::draw(&args, registry),
         Command::Levels(args) => levels::levels(&args),
+        Command::Likeness(args) => likeness::likeness(&args),
         Command::Cache(args) => cache::cache(&args, registry),
         Command::New(args) => new::new(&args),
         Command::Schema => schema::print(registry),

@@ -41,6 +41,17 @@ impl UnitLength {
     }
 }
 
+impl std::str::FromStr for UnitLength {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::parse(text).ok_or_else(|| format!("{EXPECTED} was expected"))
+    }
+}
+
+/// The form of a length.
+const EXPECTED: &str = "a fraction of a second such as \"1/240\", or \"400 samples\"";
+
 impl Param for UnitLength {
     const KIND: ParamKind = ParamKind::Text;
 
@@ -49,10 +60,7 @@ impl Param for UnitLength {
             Datum::Text(text) => Self::parse(text),
             _ => None,
         };
-        parsed.ok_or_else(|| Mismatch::Type {
-            expected: "a fraction of a second such as \"1/240\", or \"400 samples\"".into(),
-            found: datum.describe(),
-        })
+        parsed.ok_or_else(|| Mismatch::Type { expected: EXPECTED.into(), found: datum.describe() })
     }
 
     fn write(&self) -> Datum {

@@ -7,6 +7,7 @@ use crate::memo::{Memo, default_dir};
 use crate::session::Session;
 use clap::{Args as ClapArgs, Parser, Subcommand};
 use clap_complete::Shell;
+use foley_nodes::feature::UnitLength;
 use foley_nodes::registry::Registry;
 use parse::{parse_pause, parse_port, parse_quantum, parse_seconds, parse_set, parse_size, parse_threads};
 use std::path::{Path, PathBuf};
@@ -44,6 +45,8 @@ pub enum Command {
     Graph(DrawArgs),
     /// Measure audio files: level, loudness, and where their energy lies
     Levels(LevelsArgs),
+    /// Compare a sound with the recordings that it was made of: repeats, lines of the envelope, and statistics
+    Likeness(LikenessArgs),
     /// Inspect, empty or explain the cached results of earlier runs
     Cache(CacheArgs),
     /// Make a small project that runs
@@ -445,6 +448,25 @@ pub struct LevelsArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Arguments of `foley likeness`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct LikenessArgs {
+    /// The sound
+    pub sound: PathBuf,
+    /// The recordings
+    #[arg(required = true)]
+    pub recordings: Vec<PathBuf>,
+    /// Length of the units that the sound was made of, such as 1/240 (seconds) or "200 samples"
+    #[arg(long, value_name = "LENGTH")]
+    pub unit: Option<UnitLength>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Draw the spectrogram with its marks, and the statistics, into this file
+    #[arg(long, value_name = "FILE")]
+    pub svg: Option<PathBuf>,
 }
 
 /// Arguments of `foley new`.
