@@ -172,3 +172,44 @@ fn small_files_that_stand_for_millions_of_nodes_are_refused_once() {
     nested(dir.path(), 4, "\"t\": Tone(frequency: 100.0, rate: 8000, duration: Some(0.1))");
     stdout(&foley(dir.path(), &["check", "g0.ron"]));
 }
+
+#[test]
+fn likeness_finds_what_a_sound_repeats() {
+    let dir = tempfile::tempdir().unwrap();
+    let noise = |seed: u64, samples: usize| -> Vec<i16> {
+        let mut x = seed;
+        let mut next = || {
+            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (x >> 50) as i16 - 8192
+        };
+        (0..samples).map(|_| next()).collect()
+    };
+    let rate = 16_000;
+    let (take, own) = (noise(1, 3 * rate), noise(2, rate));
+    crate::common::write_wav(&dir.path().join("take.wav"), 1, rate as u32, take);
+    // 1 s, and the same again.
+    let twice: Vec<i16> = own.iter().chain(&own).copied().collect();
+    crate::common::write_wav(&dir.path().join("twice.wav"), 1, rate as u32, twice);
+    let run = |arguments: &[&str]| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_foley"))
+            .arg("likeness")
+            .args(arguments)
+            .current_dir(dir.path())
+            .output()
+            .unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.success(), text(&output.stdout), text(&output.stderr))
+    };
+    let (is_done, json, _) = run(&["twice.wav", "take.wav", "--json", "--svg", "twice.svg"]);
+    assert!(is_done);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let share = json["repeats"]["share"].as_f64().unwrap();
+    assert!((share - 0.5).abs() < 0.03, "{share}");
+    let lag = json["repeats"]["longest"][0]["lag"].as_f64().unwrap();
+    assert!((lag - 1.0).abs() < 1e-3, "{lag}");
+    assert!(std::fs::read_to_string(dir.path().join("twice.svg")).unwrap().starts_with("<svg"));
+    let (is_done, text, _) = run(&["take.wav", "take.wav"]);
+    assert!(is_done && text.contains("repeats"), "{text}");
+    let (is_done, _, message) = run(&["twice.wav", "none.wav"]);
+    assert!(!is_done && message.contains("none.wav"), "{message}");
+}
