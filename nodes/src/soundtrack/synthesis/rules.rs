@@ -85,7 +85,7 @@ impl Default for SynthesisRules {
         Self {
             predecessors: 5,
             root_predecessors: 16,
-            continuity: Some(0.5),
+            continuity: None,
             count: MatchCount::Consecutive,
             criterion: MatchCriterion::PerCoefficient,
             search: CandidateSearch::Exact,

@@ -48,9 +48,9 @@ params! {
         /// Number of predecessors that are compared.
         predecessors: usize = 5, unit "", range 0..=64;
         /// A block goes on from the one before it if its predecessor in the recording has similar levels by octave: the difference at which another
-        /// block is half as likely, relative to the median difference of consecutive blocks. None: the blocks whose predecessors match most are chosen, as in
-        /// the paper, whatever their levels.
-        continuity: Option<f64> = Some(0.5), unit "", range 0.001..=1000.0;
+        /// block is half as likely, relative to the median difference of consecutive blocks. 0.5 keeps slow modulations of steady sounds, and may leave out rare
+        /// events. None: the blocks whose predecessors match most are chosen, as in the paper, whatever their levels.
+        continuity: Option<f64> = None, unit "", range 0.001..=1000.0;
         /// Number of predecessors of a block that are compared without `continuity`.
         root_predecessors: usize = 16, unit "", range 0..=64;
         /// How similar ancestors and predecessors are counted. Where a score leaves no candidate all of whose ancestors are similar, `Total`

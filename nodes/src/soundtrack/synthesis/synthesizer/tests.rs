@@ -48,7 +48,7 @@ fn constraints(model: &TextureModel, score: &str) -> Arc<Constraints> {
 
 /// Rules with no preference against repetition.
 fn free() -> SynthesisRules {
-    SynthesisRules { max_run: None, look_ahead: 0.0, continuity: None, ..SynthesisRules::default() }
+    SynthesisRules { max_run: None, look_ahead: 0.0, ..SynthesisRules::default() }
 }
 
 /// The picks of all levels and roots.
