@@ -1,6 +1,7 @@
 //! A sound as it is measured: without its mean and rumble, in blocks of a millisecond and frames of 25 ms, of which some are active.
 
 use crate::dsp::{Band, Butterworth, Cascade};
+use std::f64::consts::TAU;
 
 /// Frequencies below are not measured, Hz: unit databases remove them too.
 pub(super) const LOWEST: f64 = 100.0;
@@ -29,6 +30,12 @@ pub struct ActiveSound {
 /// A power in dB; a power of 0 is -200 dB.
 pub(super) fn power_db(power: f64) -> f64 {
     10.0 * power.max(1e-20).log10()
+}
+
+/// A periodic Hann window.
+pub(super) fn hann(frame: usize) -> Vec<f32> {
+    let weight = |k: usize| 0.5 - 0.5 * (TAU * k as f64 / frame as f64).cos();
+    (0..frame).map(|k| weight(k) as f32).collect()
 }
 
 impl ActiveSound {

@@ -12,7 +12,7 @@ use super::takes::Take;
 
 /// Active frames of a recording that is measured at least.
 const LEAST_FRAMES: usize = 4;
-/// Places that are kept of each kind.
+/// Places that are listed of each kind.
 const PLACES: usize = 100;
 /// Least tolerance of a range in dB, and of one of kurtosis, relative.
 const TOLERANCE: (f64, f64) = (0.5, 0.1);

@@ -1,10 +1,9 @@
 //! Lines in the spectrum of the envelope, as joins at equal intervals cause them.
 
-use super::active::ActiveSound;
+use super::active::{ActiveSound, hann};
 use crate::dsp::{Band, Butterworth, Cascade};
 use realfft::RealFftPlanner;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::TAU;
 
 /// The envelope is of the sound above this frequency, Hz: the rectified hum of mains has lines of its own.
 const LOW: f64 = 500.0;
@@ -71,8 +70,7 @@ impl EnvelopeSpectrum {
             Cascade::new(&design, 1).process(&mut high);
         }
         let plan = RealFftPlanner::<f32>::new().plan_fft_forward(frame);
-        let hann: Vec<f32> =
-            (0..frame).map(|k| (0.5 - 0.5 * (TAU * k as f64 / frame as f64).cos()) as f32).collect();
+        let hann = hann(frame);
         let (mut time, mut spectrum) = (plan.make_input_vec(), plan.make_output_vec());
         for start in (0..high.len().saturating_sub(frame - 1)).step_by((frame / 2).max(1)) {
             let parts = || (start..start + frame).step_by(sound.frame());
@@ -160,6 +158,7 @@ impl EnvelopeSpectrum {
 mod tests {
     use super::*;
     use crate::likeness::statistics::testing::gaussian;
+    use std::f64::consts::TAU;
 
     fn modulated(depth: f64, rate: f64, samples: usize) -> ActiveSound {
         let gain = |k: usize| 1.0 + depth * (TAU * 240.0 * k as f64 / rate).cos();

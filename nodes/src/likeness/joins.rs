@@ -113,15 +113,14 @@ pub(super) fn join_report(
     let place = |(at, level): (&usize, &f64)| {
         Some(JoinPlace { at: *at as f64 / sound.rate, excess_db: level - limit? })
     };
-    let mut loudest: Vec<JoinPlace> = active.iter().zip(&levels).filter_map(place).collect();
-    loudest.sort_by(|a, b| b.excess_db.total_cmp(&a.excess_db));
-    let mut places: Vec<JoinPlace> = Vec::new();
-    for place in loudest {
-        if places.len() < worst && places.iter().all(|p| (p.at - place.at).abs() >= APART) {
-            places.push(place);
+    let mut places: Vec<JoinPlace> = active.iter().zip(&levels).filter_map(place).collect();
+    places.sort_by(|a, b| b.excess_db.total_cmp(&a.excess_db));
+    let mut loudest: Vec<JoinPlace> = Vec::new();
+    for place in places {
+        if loudest.len() < worst && loudest.iter().all(|p| (p.at - place.at).abs() >= APART) {
+            loudest.push(place);
         }
     }
-    let loudest = places;
     let above = |limit: f64| {
         let count = levels.iter().filter(|level| **level > limit).count();
         (!levels.is_empty()).then(|| count as f64 / levels.len() as f64)

@@ -1,9 +1,8 @@
 //! A picture of a sound over time and logarithmic frequency.
 
-use super::active::ActiveSound;
+use super::active::{ActiveSound, hann};
 use crate::plot::Image;
 use realfft::RealFftPlanner;
-use std::f64::consts::TAU;
 
 /// Width and height, px.
 const SIZE: [usize; 2] = [900, 300];
@@ -27,8 +26,7 @@ pub(super) fn spectrogram(sound: &ActiveSound, [low, high]: [f64; 2]) -> Option<
     let frame = ((FRAME * sound.rate) as usize).next_power_of_two().max(16);
     let plan = RealFftPlanner::<f32>::new().plan_fft_forward(frame);
     let (mut time, mut bins) = (plan.make_input_vec(), plan.make_output_vec());
-    let hann: Vec<f32> =
-        (0..frame).map(|k| (0.5 - 0.5 * (TAU * k as f64 / frame as f64).cos()) as f32).collect();
+    let hann = hann(frame);
     let bin = |row: f64| {
         let hz = high * (low / high).powf(row / height as f64);
         hz * frame as f64 / sound.rate

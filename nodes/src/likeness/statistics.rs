@@ -3,6 +3,7 @@
 use super::active::{ActiveSound, power_db};
 use super::bands::{Moments, band_energies, octaves, third_octaves};
 use super::modulation::{MODULATION_BANDS, MODULATION_EDGES, modulation_spectrum};
+use crate::material::statistics::quantile;
 use rayon::prelude::*;
 
 /// A band of modulation is measured if its upper edge is at most this share of the centre of the carrier: the envelope of a band follows
@@ -47,11 +48,9 @@ pub struct SoundStatistics {
     modulation: Vec<(Option<f64>, WeightedPowers)>,
 }
 
-/// Percentile of values, by linear interpolation; `None` without values.
+/// Percentile of values; `None` without values.
 pub(super) fn percentile(sorted: &[f64], share: f64) -> Option<f64> {
-    let at = share * sorted.len().checked_sub(1)? as f64;
-    let (below, above) = (at.floor() as usize, at.ceil() as usize);
-    Some(sorted[below] + (at - at.floor()) * (sorted[above] - sorted[below]))
+    (!sorted.is_empty()).then(|| quantile(sorted, share))
 }
 
 impl SoundStatistics {
@@ -173,12 +172,6 @@ pub(super) mod testing {
 mod tests {
     use super::testing::gaussian;
     use super::*;
-
-    #[test]
-    fn percentiles_are_interpolated() {
-        assert_eq!(percentile(&[1.0, 2.0, 4.0], 0.75), Some(3.0));
-        assert_eq!((percentile(&[5.0], 0.1), percentile(&[], 0.5)), (Some(5.0), None));
-    }
 
     #[test]
     fn the_parts_of_a_sound_together_have_its_statistics() {
