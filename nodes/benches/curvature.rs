@@ -61,7 +61,7 @@ fn main() {
         let mut measure = MeanCurvature::new(&topology, method).expect("a sheet can be oriented");
         let params = CrumpleParams { merge_frames, ..CrumpleParams::default() };
         let mut events = CrumpleEvents::new(&topology, &[], params).expect("a sheet can be oriented");
-        let mut detector = BuckleDetector::new(vertices, 0.01);
+        let mut detector = BuckleDetector::new(vertices, 60.0, 0.01);
         let prepared = started.elapsed().as_secs_f64() * 1e3;
         let (mut bent, mut labels) =
             (vec![Curvature::default(); vertices], vec![Buckle::default(); vertices]);

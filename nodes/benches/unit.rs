@@ -171,7 +171,7 @@ fn of_global_selection() -> Result<(), Box<dyn Error>> {
     let set = Units { features: &database, dims: 3, segments: vec![(0, units)], allowed: vec![true; units] };
     let finite = |e| format!("{e:?}");
     let table = Table::new(&set).ok_or("no unit")?;
-    let free = GlobalParams { switch_cost: 0.5, cap: f64::INFINITY, cool_off: 0 };
+    let free = GlobalParams { switch_cost: 0.5, cap: f64::INFINITY, cool_off: 0, loop_guard: 0 };
     let best = {
         let (before, start) = (peak(), Instant::now());
         let path = exact(&table, &target, &free, None).map_err(finite)?;

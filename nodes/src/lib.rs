@@ -5,7 +5,8 @@
 //! [`contact`] and [`friction`] for cloth that slides, [`curvature`] and [`crumple`] for cloth that crumples, [`tension`] for cloth
 //! that is pulled tight, [`modal`] for objects that are struck, [`material`] for their damping and [`solid`] for their modes from a shape,
 //! [`rigid`], [`texture`] and [`scrape`] for bodies that roll and scrape over surfaces, [`spatial`] for sounds in space, [`feature`], [`warp`] and [`mod@unit`] for sounds
-//! put together from recordings, [`grain`] for grains of recordings that follow contacts, [`likeness`] for comparisons with recordings, and [`table`] for tables of results. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
+//! put together from recordings, [`grain`] for grains of recordings that follow contacts, [`likeness`] for comparisons with recordings, [`take`] for takes cut out of raw
+//! recordings, and [`table`] for tables of results. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
 //! needs first.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::print_stderr, clippy::print_stdout))]
@@ -34,6 +35,7 @@ pub mod solid;
 pub mod soundtrack;
 pub mod spatial;
 pub mod table;
+pub mod take;
 pub mod tension;
 pub mod texture;
 pub mod unit;

@@ -142,6 +142,7 @@ use crate::spatial::motion::vertex_pose::VertexPose;
 use crate::spatial::obstruction::occlusion::Occlusion;
 use crate::spatial::propagation::distance_gain::DistanceGain;
 use crate::table::table_out::TableOut;
+use crate::take::take_cutter::TakeCutter;
 use crate::tension::tension_impact::TensionImpact;
 use crate::texture::class::histogram_class::HistogramClass;
 use crate::texture::figure::texture_figure::TextureFigure;
@@ -374,6 +375,8 @@ impl Registry {
             .family("feature")
             .with::<Mfcc>()
             .with::<TemporalGaussian>()
+            .family("take")
+            .with_func::<TakeCutter>()
             .family("unit")
             .with_func::<UnitDatabaseNode>()
             .with_func::<UnitDatabaseFile>()

@@ -13,6 +13,8 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
 use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
+use crate::take::{CutRecording, Takes};
+use crate::unit::UnitSource;
 use crate::{params, ports};
 
 params! {
@@ -30,7 +32,7 @@ params! {
     /// 1.3e-4 and 1.3e-5 as mean squares.
     pub struct CrumpleExtractorParams {
         /// Recordings of any rates, up to ten minutes at 192 kHz each.
-        recordings: Vec<AssetPath>;
+        recordings: Vec<AssetPath> = Vec::new();
         /// Mean square above which there is a sound, relative to full scale.
         threshold: f64 = 0.00026, unit "full scale^2", range 0.0..=1.0;
         /// Window of the mean.
@@ -54,7 +56,10 @@ params! {
 }
 ports! {
     pub struct CrumpleExtractorPorts / CrumpleExtractorIo {
-        in {}
+        in {
+            /// Takes of recordings, in addition to `recordings`.
+            takes: Option<Value<Takes>>,
+        }
         out {
             /// The bank.
             bank: Value<CrumpleBank>,
@@ -106,6 +111,15 @@ impl Recording {
         Ok(Self { samples, description, notices })
     }
 
+    /// A recording that is silent outside of its takes.
+    fn of_takes(recording: &CutRecording, fs: f64) -> Self {
+        let samples = recording.gated_mono();
+        let UnitSource { provenance, licence, .. } = recording.source.clone();
+        let seconds = samples.len() as f64 / fs;
+        let description = Recorded { provenance, licence, seconds, fs, gain: 1.0, outline: Vec::new() };
+        Self { samples, description, notices: Summary::new() }
+    }
+
     /// Returns the sum of squares in the loudest window.
     fn loudest(&self, window: usize) -> f64 {
         windowed_energy(&self.samples, window).into_iter().fold(0.0, f64::max)
@@ -141,8 +155,9 @@ impl Func for CrumpleExtractor {
     const EXPOSES_PATHS: bool = true;
 
     fn check(p: &CrumpleExtractorParams, s: &mut Shape<'_, '_, CrumpleExtractorPorts>) -> Result<(), Reject> {
-        if p.recordings.is_empty() {
-            s.wrong(Reject::new("F077", "no recording is given").at("recordings"));
+        if p.recordings.is_empty() && !s.linked(CrumpleExtractorPorts::takes) {
+            let reject = Reject::new("F077", "no recording is given").at("recordings");
+            s.wrong(reject.help("give `recordings`, or link the `takes` of a TakeCutter"));
         }
         if !(1000.0..=768_000.0).contains(&p.rate.as_f64()) {
             let message = format!("`rate` is {}; 1000 to 768000 Hz is needed", p.rate);
@@ -160,6 +175,10 @@ impl Func for CrumpleExtractor {
         let (fs, params) = (p.rate.as_f64(), extraction(p));
         let mut recordings =
             p.recordings.iter().map(|path| Recording::read(p, cx, &path.0)).collect::<Result<Vec<_>, _>>()?;
+        if let Some(takes) = &io.takes {
+            let takes = takes.at_rate(p.rate).map_err(|e| Fault::new("F077", e).at("takes"))?;
+            recordings.extend(takes.recordings.iter().map(|recording| Recording::of_takes(recording, fs)));
+        }
         let window = ((params.window * fs).round() as usize).max(1);
         let levels: Vec<f64> = recordings.iter().map(|recording| recording.loudest(window)).collect();
         let loudest = levels.iter().copied().fold(0.0, f64::max);

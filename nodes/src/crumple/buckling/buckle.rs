@@ -10,7 +10,7 @@ use crate::impl_state;
 pub struct Buckle {
     /// 1 if the curvature rises above 0, -1 if it falls below 0, 0 if the vertex does not buckle.
     pub label: i8,
-    /// Change of mean curvature since the last frame with the other sign, 1/m; 0 if the vertex does not buckle.
+    /// Change of mean curvature from the other side, 1/m; 0 if the vertex does not buckle.
     pub delta: f64,
     /// Area of the vertex, the mean of this frame and the previous one, m^2.
     pub area: f64,
@@ -24,22 +24,37 @@ pub struct Buckle {
     pub method: Method,
 }
 
+/// Longest interval over which a change of curvature is measured, s: a snap is shorter, and the change over a longer one
+/// would make an impact of a slow bend.
+pub const MAX_INTERVAL: f64 = 1.0 / 30.0;
+
+/// Number of frames outside of the dead band after which a curvature is no outlier of the noise.
+const SURE: u8 = 2;
+
 /// State of a vertex.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct SignState {
-    /// Sign of the curvature, 1 or -1; 0 while it is unknown.
+    /// Side on which the curvature was last, 1 or -1.
     sign: i8,
-    /// Curvature in the last frame outside of the dead band, 1/m.
-    h: f64,
+    /// Frames since the curvature was outside of the dead band on that side; `None` if it has not been there.
+    age: Option<u32>,
+    /// Number of frames for which it was there in sequence, at most [`SURE`].
+    outside: u8,
     /// Area in the last frame, m^2.
     area: f64,
 }
 
 /// Detects changes of the sign of the mean curvature of every vertex.
 ///
-/// A vertex buckles outwards (label 1) when its curvature `H` changes from below 0 to 0 or above, and inwards (-1) when
-/// it changes back. With a dead band `h_eps` the sign is known only while `|H| > h_eps`. The change of curvature is
-/// measured from the last frame in which the previous sign was known; without a dead band that is the previous frame.
+/// A vertex buckles outwards (label 1) in the frame in which its curvature `H` changes from below 0 to 0 or above, and
+/// inwards (-1) when it changes back. Noise around 0 is excluded by a dead band `|H| <= h_eps`: the vertex must have been
+/// outside of it in two frames in sequence since its sign last changed. After a single frame, which may be an outlier, it
+/// buckles only when its curvature has left the band on the other side.
+///
+/// The change of curvature is measured from the last frame outside of the dead band, which is at most [`MAX_INTERVAL`] and
+/// at least one frame ago; without a dead band that is the previous frame. So the energy of a bend grows with the square of
+/// its speed, with and without a dead band.
+///
 /// The sign of a vertex is unknown in the first frame and after a frame with an invalid curvature. Such a vertex cannot
 /// buckle.
 ///
@@ -53,7 +68,7 @@ struct SignState {
 /// use foley_nodes::curvature::Curvature;
 ///
 /// let bent = |h| [Curvature { h, valid: true, ..Curvature::default() }];
-/// let (mut detector, mut found) = (BuckleDetector::new(1, 0.0), [Buckle::default()]);
+/// let (mut detector, mut found) = (BuckleDetector::new(1, 60.0, 0.0), [Buckle::default()]);
 /// let mut label = |h| {
 ///     detector.detect(&bent(h), &mut found);
 ///     (found[0].label, found[0].delta)
@@ -65,14 +80,25 @@ struct SignState {
 pub struct BuckleDetector {
     h_eps: f64,
     states: Vec<SignState>,
+    /// Curvatures of the last frames, `[interval, vertices]`, as a ring.
+    history: Vec<f64>,
+    /// Frames so far.
+    frames: u64,
 }
-impl_state!(BuckleDetector { states });
+impl_state!(BuckleDetector { states, history, frames });
 
 impl BuckleDetector {
-    /// Creates a detector for a number of vertices.
+    /// Creates a detector for a number of vertices at a frame rate in hertz.
     #[must_use]
-    pub fn new(vertices: usize, h_eps: f64) -> Self {
-        Self { h_eps, states: vec![SignState::default(); vertices] }
+    pub fn new(vertices: usize, fps: f64, h_eps: f64) -> Self {
+        // Rates in files are decimals.
+        let interval = (MAX_INTERVAL * fps + 1e-6).floor().max(1.0) as usize;
+        Self {
+            h_eps,
+            states: vec![SignState::default(); vertices],
+            history: vec![0.0; interval * vertices],
+            frames: 0,
+        }
     }
 
     /// Changes the dead band from the next frame on.
@@ -80,10 +106,12 @@ impl BuckleDetector {
         self.h_eps = h_eps;
     }
 
-    /// Copies the state of a detector of the same number of vertices.
+    /// Copies the state of a detector of the same number of vertices and the same rate.
     pub fn take_state(&mut self, old: &Self) {
-        if old.states.len() == self.states.len() {
+        if old.states.len() == self.states.len() && old.history.len() == self.history.len() {
             self.states.copy_from_slice(&old.states);
+            self.history.copy_from_slice(&old.history);
+            self.frames = old.frames;
         }
     }
 
@@ -92,15 +120,25 @@ impl BuckleDetector {
     /// # Complexity
     /// O(V); no allocation.
     pub fn detect(&mut self, frame: &[Curvature], out: &mut [Buckle]) {
-        for ((state, c), out) in self.states.iter_mut().zip(frame).zip(out) {
-            *out = state.next(c, self.h_eps);
+        let vertices = self.states.len().max(1);
+        let interval = self.history.len() / vertices;
+        for (v, ((state, c), out)) in self.states.iter_mut().zip(frame).zip(out).enumerate() {
+            let now = self.frames;
+            let history = &self.history;
+            let h_before = |frames: u32| {
+                let frames = u64::from(frames).min(interval as u64);
+                history[((now - frames) % interval as u64) as usize * vertices + v]
+            };
+            *out = state.next(c, self.h_eps, h_before);
+            self.history[(now % interval as u64) as usize * vertices + v] = c.h;
         }
+        self.frames += 1;
     }
 }
 
 impl SignState {
-    /// Updates the sign with the curvature of the next frame.
-    fn next(&mut self, c: &Curvature, h_eps: f64) -> Buckle {
+    /// Updates the sign with the curvature of the next frame; `h_before` is the curvature of a number of frames ago.
+    fn next(&mut self, c: &Curvature, h_eps: f64, h_before: impl Fn(u32) -> f64) -> Buckle {
         let mut buckle = Buckle {
             area: 0.5 * (self.area + c.area),
             normal: c.normal,
@@ -109,21 +147,30 @@ impl SignState {
             method: c.method,
             ..Buckle::default()
         };
-        let sign = match c.h {
-            _ if !c.valid => {
-                *self = Self::default();
-                return buckle;
-            }
-            // The paper's rule: zero counts as positive.
-            h if h_eps == 0.0 => 2 * i8::from(h >= 0.0) - 1,
-            h => i8::from(h > h_eps) - i8::from(h < -h_eps),
-        };
+        if !c.valid {
+            *self = Self::default();
+            return buckle;
+        }
         self.area = c.area;
-        if sign != 0 {
-            if self.sign == -sign {
-                (buckle.label, buckle.delta) = (sign, c.h - self.h);
+        self.age = self.age.map(|age| age.saturating_add(1));
+        // The paper's rule: zero counts as positive.
+        let sign = if c.h >= 0.0 { 1 } else { -1 };
+        let is_outside = h_eps == 0.0 || c.h.abs() > h_eps;
+        if sign != self.sign {
+            let sure = h_eps == 0.0 || self.outside >= SURE;
+            if let Some(age) = self.age.filter(|_| sure || is_outside) {
+                (buckle.label, buckle.delta) = (sign, c.h - h_before(age));
+                (self.sign, self.age) = (sign, None);
             }
-            (self.sign, self.h) = (sign, c.h);
+            if sure || is_outside {
+                self.outside = 0;
+            }
+        }
+        if is_outside {
+            (self.sign, self.age) = (sign, Some(0));
+            self.outside = SURE.min(self.outside + 1);
+        } else if self.outside < SURE {
+            self.outside = 0;
         }
         buckle
     }
@@ -137,7 +184,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn labels(h: &[f64], h_eps: f64) -> Vec<(i8, f64)> {
-        let mut detector = BuckleDetector::new(1, h_eps);
+        let mut detector = BuckleDetector::new(1, 60.0, h_eps);
         let mut out = [Buckle::default()];
         let label = |&h: &f64| {
             let valid = h.is_finite();
@@ -151,7 +198,7 @@ mod tests {
     fn count(scene: &Scene, frames: &[Vec<[f64; 3]>], method: Method) -> (usize, [usize; 2]) {
         let n = scene.points.len();
         let mut measure = MeanCurvature::new(&scene.topology(), method).unwrap();
-        let mut detector = BuckleDetector::new(n, 0.0);
+        let mut detector = BuckleDetector::new(n, 60.0, 0.0);
         let (mut bent, mut found) = (vec![Curvature::default(); n], vec![Buckle::default(); n]);
         let mut count = 0;
         for frame in frames {
@@ -176,10 +223,59 @@ mod tests {
 
     #[test]
     fn the_change_is_measured_from_the_last_frame_outside_of_the_dead_band() {
-        let found = labels(&[-0.05, -1.0, -0.5, -0.05, 0.1, 0.3, 0.05, -0.15, -0.3, 0.1], 0.2);
+        // The sign changes at 0.1, two frames after -0.5; noise in the dead band does not count. After 0.3, a single frame,
+        // it changes only at -0.3, two frames after 0.05.
+        let found = labels(&[-0.05, -1.0, -0.5, -0.05, 0.1, -0.1, 0.1, 0.3, 0.05, -0.15, -0.3, 0.1], 0.2);
         let changes: Vec<_> =
             found.iter().enumerate().filter(|(_, f)| f.0 != 0).map(|(k, f)| (k, *f)).collect();
-        assert_eq!(changes, [(5, (1, 0.8)), (8, (-1, -0.6))]);
+        let expected = [(4, 1, 0.6), (10, -1, -0.35)];
+        assert_eq!(changes.len(), expected.len(), "{changes:?}");
+        for ((k, (label, delta)), wanted) in changes.into_iter().zip(expected) {
+            assert!((k, label) == (wanted.0, wanted.1) && (delta - wanted.2).abs() < 1e-12, "{delta}");
+        }
+    }
+
+    #[test]
+    fn the_change_is_measured_over_a_thirtieth_of_a_second_at_most() {
+        for (fps, frames) in [(24.0, 1), (30.0, 1), (29.97, 1), (60.0, 2), (240.0, 8)] {
+            let mut detector = BuckleDetector::new(1, fps, 0.2);
+            let mut out = [Buckle::default()];
+            let mut last = 0.0;
+            // From -1 to 1 in 400 frames.
+            for k in 0..400 {
+                let h = -1.0 + (f64::from(k) + 0.5) / 200.0;
+                detector.detect(&[Curvature { h, valid: true, ..Curvature::default() }], &mut out);
+                if out[0].label != 0 {
+                    assert_eq!((k, last), (200, 0.0), "once, where the sign changes");
+                    last = out[0].delta;
+                }
+            }
+            assert!((last - f64::from(frames) / 200.0).abs() < 1e-9, "{fps}: {last}");
+        }
+    }
+
+    #[test]
+    fn the_energy_of_a_bend_grows_with_the_square_of_its_speed_with_and_without_a_dead_band() {
+        // A bowl that is bent back and forth once, slowly and a hundred times faster, at 60 frames per second.
+        let energy = |hertz: f64, h_eps: f64| {
+            let mut detector = BuckleDetector::new(1, 60.0, h_eps);
+            let mut out = [Buckle::default()];
+            let frames = (0..(60.0 / hertz) as u32).map(|k| (f64::from(k) + 0.3) * hertz / 60.0);
+            let mut found: Vec<(f64, f64)> = Vec::new();
+            for turn in frames {
+                let h = 1.3 * (std::f64::consts::TAU * turn).cos();
+                detector.detect(&[Curvature { h, valid: true, ..Curvature::default() }], &mut out);
+                found.extend((out[0].label != 0).then_some((turn, out[0].delta.powi(2))));
+            }
+            assert_eq!(found.len(), 2, "one for each change of sign");
+            let late = found.iter().zip([0.25, 0.75]).map(|(f, turn)| (f.0 - turn) / hertz);
+            assert!(late.clone().all(|s| (0.0..=1.0 / 60.0).contains(&s)), "{:?}", late.collect::<Vec<_>>());
+            found.iter().map(|f| f.1).sum::<f64>()
+        };
+        for h_eps in [0.0, 0.5] {
+            let ratio = energy(5.0, h_eps) / energy(0.05, h_eps);
+            assert!((6_000.0..12_000.0).contains(&ratio), "{h_eps}: {ratio}");
+        }
     }
 
     #[test]
@@ -211,10 +307,6 @@ mod tests {
             for h_eps in [0.0, h_eps] {
                 let found = labels(&h, h_eps);
                 prop_assert!(found.iter().all(|(label, delta)| f64::from(*label) * delta >= 0.0));
-                // Labels alternate.
-                let mut signs = found.iter().map(|f| f.0).filter(|s| *s != 0);
-                let mut last = signs.next().unwrap_or(0);
-                prop_assert!(signs.all(|s| std::mem::replace(&mut last, s) == -s));
             }
             // Without a dead band the change is that of two frames.
             for (k, (label, delta)) in labels(&h, 0.0).into_iter().enumerate() {

@@ -13,15 +13,18 @@ params! {
     /// Detects the vertices of a cloth whose mean curvature changes sign from one frame to the next.
     ///
     /// A vertex buckles outwards (label 1) when its curvature changes from below 0 to 0 or above, and inwards (-1) when
-    /// it changes back. On nearly flat cloth the sign is noise. A dead band `h_eps` above 0 excludes it: the sign
-    /// changes only when the absolute curvature exceeds `h_eps`. Three times the noise of the resting cloth is a good
-    /// dead band; `RestNoise` measures it and can be linked to `h_eps`. Vertices on a hem never buckle.
+    /// it changes back. On nearly flat cloth the sign is noise. A dead band `h_eps` above 0 excludes it: a vertex buckles
+    /// only if its absolute curvature has exceeded `h_eps` in two frames in sequence since its sign last changed, or in one
+    /// frame on either side. Three times the noise of the resting
+    /// cloth is a good dead band; `RestNoise` measures it and can be linked to `h_eps`. Vertices on a hem never buckle.
+    ///
+    /// The change of curvature is measured from the last frame outside of the dead band, at most 1/30 s ago.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 3; the
     /// dead band is an addition; 0 is the paper's rule.
     pub struct BuckleDetectorParams {
-        /// Dead band: absolute curvature up to which the sign is unknown.
+        /// Dead band: absolute curvature that counts as noise.
         h_eps: f64 = 0.0, unit "1/m", range 0.0..=100_000.0;
     }
 }
@@ -52,7 +55,7 @@ impl Node for BuckleDetectorNode {
     type Params = BuckleDetectorParams;
     type Ports = BuckleDetectorPorts;
     const NAME: &'static str = "BuckleDetector";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 10.0;
 
@@ -63,8 +66,9 @@ impl Node for BuckleDetectorNode {
     }
 
     fn build(p: &BuckleDetectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        let vertices = cx.input(BuckleDetectorPorts::curvature).format.topology.vertex_count();
-        let detector = buckle::BuckleDetector::new(vertices, p.h_eps);
+        let curvature = cx.input(BuckleDetectorPorts::curvature);
+        let vertices = curvature.format.topology.vertex_count();
+        let detector = buckle::BuckleDetector::new(vertices, curvature.rate.as_f64(), p.h_eps);
         Ok(Self { detector, counts: [0; 2], max_per_frame: 0 })
     }
 
@@ -137,6 +141,6 @@ mod tests {
         };
         assert_eq!(count(standalone()).len(), 3);
         let noise = RestNoise { deviation: 0.1, h_eps: 0.3, frames: 9 };
-        assert_eq!(count(standalone().feed(1, Feed::value(AnyValue::new(noise)))), [2.0]);
+        assert_eq!(count(standalone().feed(1, Feed::value(AnyValue::new(noise)))), [1.1]);
     }
 }

@@ -10,6 +10,8 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::friction::model::{FrictionModel, Source, model_summary};
 use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
+use crate::take::Takes;
+use crate::unit::UnitSource;
 use crate::{choices, params, ports};
 
 choices! {
@@ -37,7 +39,7 @@ params! {
     /// An addition: An, James and Marschner (SIGGRAPH 2012) measure speeds on a roller; so does `FrictionModelBuilder`.
     pub struct FrictionModelFromClipsParams {
         /// Recordings of any rates, up to ten minutes at 192 kHz each.
-        recordings: Vec<AssetPath>;
+        recordings: Vec<AssetPath> = Vec::new();
         /// Speed of the quietest usable clip.
         slowest: f64 = 0.05, unit "m/s", range 0.0001..=100.0;
         /// Speed of the loudest clip.
@@ -70,7 +72,10 @@ params! {
 
 ports! {
     pub struct FrictionModelFromClipsPorts / FrictionModelFromClipsIo {
-        in {}
+        in {
+            /// Takes of recordings, in addition to `recordings`.
+            takes: Option<Value<Takes>>,
+        }
         out {
             /// The friction model.
             model: Value<FrictionModel>,
@@ -100,8 +105,9 @@ impl Func for FrictionModelFromClips {
         p: &FrictionModelFromClipsParams,
         s: &mut Shape<'_, '_, FrictionModelFromClipsPorts>,
     ) -> Result<(), Reject> {
-        if p.recordings.is_empty() {
-            s.wrong(Reject::new("F077", "no recording is given").at("recordings"));
+        if p.recordings.is_empty() && !s.linked(FrictionModelFromClipsPorts::takes) {
+            let reject = Reject::new("F077", "no recording is given").at("recordings");
+            s.wrong(reject.help("give `recordings`, or link the `takes` of a TakeCutter"));
         }
         if p.fastest < 1.001 * p.slowest {
             let message = format!("`fastest` is {} m/s, `slowest` {} m/s", p.fastest, p.slowest);
@@ -121,15 +127,18 @@ impl Func for FrictionModelFromClips {
             let mut reader = RECORDINGS.open(&path.0, cx.open("recordings", &path.0)?)?;
             let samples = reader.read_mono().map_err(|e| RECORDINGS.unusable(&path.0, e))?;
             notices.extend(recording_warnings(&path.0, reader.info(), &samples));
-            sources.push((samples, f64::from(reader.info().rate), &path.0));
+            let source = Source { provenance: path.0.clone(), licence: p.licence.0.clone() };
+            sources.push((samples, f64::from(reader.info().rate), source));
+        }
+        if let Some(takes) = &io.takes {
+            for recording in takes.recordings.iter().filter(|recording| !recording.takes.is_empty()) {
+                let UnitSource { provenance, licence, .. } = recording.source.clone();
+                sources.push((recording.gated_mono(), takes.rate, Source { provenance, licence }));
+            }
         }
         let recordings: Vec<Recording<'_>> = sources
             .iter()
-            .map(|(samples, fs, path)| Recording {
-                samples,
-                fs: *fs,
-                source: Source { provenance: (*path).clone(), licence: p.licence.0.clone() },
-            })
+            .map(|(samples, fs, source)| Recording { samples, fs: *fs, source: source.clone() })
             .collect();
         let params = ClipModelParams {
             material_pair: p.materials.clone().map(|name| name.0),

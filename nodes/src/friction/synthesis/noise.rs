@@ -110,6 +110,7 @@ struct Sliding {
 pub struct IftNoise<R = Mono> {
     table: SpectrumTable,
     params: IftNoiseParams,
+    magnitude: Magnitude,
     /// Power gain per vertex.
     gains: Vec<f64>,
     random: Random,
@@ -193,6 +194,7 @@ impl<R: Receiver> IftNoise<R> {
         let channels = receiver.channels();
         Ok(Self {
             params,
+            magnitude: params.magnitude.unwrap_or_else(|| params.emitters.magnitude()),
             gains: vertex_areas.iter().map(weight).collect(),
             random,
             receiver,
@@ -376,7 +378,7 @@ impl<R: Receiver> IftNoise<R> {
                 re[i] = a * cos[i];
                 im[i] = a * sin[i];
             }
-            if self.params.magnitude == Magnitude::Rayleigh {
+            if self.magnitude == Magnitude::Rayleigh {
                 let m = rayleigh(&self.random, entity, clip, block);
                 for i in 0..BLOCK {
                     re[i] *= m[i];

@@ -8,10 +8,9 @@ use crate::friction::model::Gain;
 use crate::{choices, params};
 
 /// Magnitude of a bin around its expected value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Magnitude {
     /// The expected value.
-    #[default]
     Fixed,
     /// Rayleigh distributed, as in Gaussian noise.
     Rayleigh,
@@ -36,6 +35,18 @@ pub enum Emitters {
     },
     /// Every vertex has phases of its own: the slow reference.
     PerVertex,
+}
+
+impl Emitters {
+    /// Magnitude with which the noise is as lively as the sum of its vertices: many independent phases add up to Rayleigh
+    /// distributed magnitudes (central limit theorem), which one draw of phases for a cluster lacks.
+    #[must_use]
+    pub fn magnitude(self) -> Magnitude {
+        match self {
+            Self::Clustered { .. } => Magnitude::Rayleigh,
+            Self::PerVertex => Magnitude::Fixed,
+        }
+    }
 }
 
 impl Default for Emitters {
@@ -79,8 +90,8 @@ pub struct IftNoiseParams {
     pub clip: f64,
     /// Crossfade between clips.
     pub window: Window,
-    /// Magnitude of a bin around its expected value.
-    pub magnitude: Magnitude,
+    /// Magnitude of a bin around its expected value; `None`: [`Emitters::magnitude`].
+    pub magnitude: Option<Magnitude>,
     /// Grouping of vertices into sound sources.
     pub emitters: Emitters,
     /// Level of a vertex as a function of its area.
@@ -94,7 +105,7 @@ impl Default for IftNoiseParams {
         Self {
             clip: 0.050,
             window: Window::default(),
-            magnitude: Magnitude::default(),
+            magnitude: None,
             emitters: Emitters::default(),
             area_weight: AreaWeight::default(),
             gain: Gain::default(),
@@ -107,8 +118,9 @@ params! {
     pub struct ClipParams {
         /// Crossfade between clips.
         window: Window = Window::SqrtTriangle;
-        /// Magnitude of a bin around its expected value.
-        magnitude: Magnitude = Magnitude::Fixed;
+        /// Magnitude of a bin around its expected value; None: `Rayleigh` for `Clustered`, because the sum of many vertices is
+        /// Gaussian noise, and `Fixed` for `PerVertex`.
+        magnitude: Option<Magnitude> = None;
         /// Grouping of vertices into sound sources.
         emitters: EmitterKind = EmitterKind::Clustered;
     }

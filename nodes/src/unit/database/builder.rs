@@ -13,6 +13,8 @@ use crate::feature::{FeatureConventions, FloorRule, MelCepstrum, TemporalFilter}
 pub struct Take {
     /// Samples of each channel, equally many.
     pub channels: Vec<Vec<f32>>,
+    /// Stretches of samples to use, in order, without overlaps; `None`: as [`Gap`] splits it.
+    pub spans: Option<Vec<Range<usize>>>,
     /// The value.
     pub source: UnitSource,
 }
@@ -52,6 +54,12 @@ pub enum BuildError {
         found: usize,
         /// Channels wanted.
         wanted: usize,
+    },
+    /// Takes out of order, or beyond the end of the recording.
+    #[error("{recording:?}: its takes overlap, are out of order, or lie beyond its end")]
+    Spans {
+        /// Provenance of the recording.
+        recording: String,
     },
     /// The high-pass cannot be made.
     #[error("high-pass: {0}")]
@@ -145,7 +153,7 @@ fn stretches(takes: &[Take], c: &FeatureConventions, gap: Option<Gap>) -> Result
         check(take, joined)?;
         let groups = take.channels.chunks(joined).enumerate();
         for (group, channels) in groups {
-            for span in spans(channels, gap) {
+            for span in take.spans.clone().unwrap_or_else(|| spans(channels, gap)) {
                 if span.len() >= c.unit.max(1) as usize {
                     jobs.push((source as u32, (group * joined) as u32, channels, span));
                 }
@@ -179,6 +187,13 @@ fn check(take: &Take, joined: usize) -> Result<(), BuildError> {
             found: take.channels.len(),
             wanted: joined,
         });
+    }
+    if let Some(spans) = &take.spans {
+        let length = take.channels.iter().map(Vec::len).min().unwrap_or(0);
+        let ordered = spans.windows(2).all(|pair| pair[0].end <= pair[1].start);
+        if !ordered || spans.iter().any(|span| span.start > span.end || span.end > length) {
+            return Err(BuildError::Spans { recording: recording() });
+        }
     }
     for channel in &take.channels {
         if let Some((sample, &found)) = channel.iter().enumerate().find(|(_, x)| !x.is_finite()) {

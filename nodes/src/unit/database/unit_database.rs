@@ -14,6 +14,7 @@ use crate::core::time::Rate;
 use crate::dsp::{Quality, Resampler};
 use crate::feature::FeatureConventions;
 use crate::io::{AudioReader, MaxLength, RecordingParam, recording_warnings, trial_wav};
+use crate::take::Takes;
 use crate::{feature_params, ports};
 use rayon::prelude::*;
 
@@ -24,13 +25,15 @@ feature_params! {
     /// further segments. No filter and no selection crosses the end of a segment. Each segment has its mean removed, is high-passed
     /// and cut into units; a remainder at its end is dropped. Recordings are resampled to `rate`.
     ///
+    /// `takes` of a `TakeCutter` are added after the `recordings`, each take as a segment.
+    ///
     /// The features must be computed as those of the target: set the same parameters on `Mfcc` and `TemporalGaussian`.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), sections 4.1 and 4.2.
     pub struct UnitDatabaseParams {
         /// The recordings, of any rates and lengths.
-        recordings: Vec<AssetPath>;
+        recordings: Vec<AssetPath> = Vec::new();
         /// Tag of each recording, such as a material or a cause; one for each, one for all, or none.
         tags: Vec<Text> = Vec::new();
         /// Rate of the units; that of the target.
@@ -52,7 +55,10 @@ feature_params! {
 
 ports! {
     pub struct UnitDatabasePorts / UnitDatabaseIo {
-        in {}
+        in {
+            /// Takes of recordings.
+            takes: Option<Value<Takes>>,
+        }
         out {
             /// The units.
             database: Value<UnitDatabase>,
@@ -113,8 +119,9 @@ impl Func for UnitDatabaseNode {
     const EXPOSES_PATHS: bool = true;
 
     fn check(p: &UnitDatabaseParams, s: &mut Shape<'_, '_, UnitDatabasePorts>) -> Result<(), Reject> {
-        if p.recordings.is_empty() {
-            return Err(Reject::new("F101", "there is no recording").at("recordings"));
+        if p.recordings.is_empty() && !s.linked(UnitDatabasePorts::takes) {
+            let reject = Reject::new("F101", "there is no recording").at("recordings");
+            return Err(reject.help("give `recordings`, or link the `takes` of a TakeCutter"));
         }
         if p.tags.len() > 1 && p.tags.len() != p.recordings.len() {
             let message = format!("{} tags for {} recordings", p.tags.len(), p.recordings.len());
@@ -137,7 +144,16 @@ impl Func for UnitDatabaseNode {
             })?;
             // The database removes its mean.
             warnings.extend(recording_warnings(&path.0, file.info(), &[]));
-            takes.push(Take { channels, source: source(p, k, content) });
+            takes.push(Take { channels, spans: None, source: source(p, k, content) });
+        }
+        if let Some(prepared) = &io.takes {
+            for recording in
+                &prepared.at_rate(p.rate).map_err(|e| Fault::new("F101", e).at("takes"))?.recordings
+            {
+                let channels = recording.channels.clone();
+                let (spans, source) = (Some(recording.takes.clone()), recording.source.clone());
+                takes.push(Take { channels, spans, source });
+            }
         }
         let joined = if p.joint { takes.first().map_or(1, |take| take.channels.len()) } else { 1 };
         let conventions = conventions(p, joined as u32)?;

@@ -7,8 +7,7 @@ use super::candidates::{comparable, few_units_warning, not_finite, units};
 use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
 use super::global::{
-    BeamParams, FixedLag, GlobalParams, Joins, MAX_SWITCH_COST, Path, PathCostParams, Table, beam,
-    difference, distance_cap, exact,
+    BeamParams, FixedLag, GlobalParams, Joins, Path, PathCostParams, Table, beam, difference, exact,
 };
 use super::greedy;
 use super::picks::{Pick, PickFormat, Picks};
@@ -42,8 +41,8 @@ params! {
     /// A path costs the distance of each unit from the target, and `switch_cost` for each unit that does not follow the one
     /// before it in its recording. `UnitSelector` looks a few units ahead; this node finds the cheapest path for the entire target.
     /// It reads all features first, so the target has to end, and it does not run live. Units beyond `d_max` are marked as
-    /// fallbacks. `cool_off` is no part of the search: units that come back too early get a surcharge and are searched again in at
-    /// most 20 rounds, then replaced. The summary states the cost of the path, and the cost without `cool_off`. Every channel
+    /// fallbacks. `cool_off` and `loop_guard` are no part of the search: units that recur too early get a surcharge and are
+    /// searched again in at most 20 rounds, then replaced. The summary states the cost of the path, and the cost without both. Every channel
     /// chooses independently. With the sound of the target at `target`, silence is skipped as in `UnitSelector`.
     ///
     /// # Source
@@ -210,7 +209,7 @@ impl GlobalUnitSelector {
             look: GREEDY_LOOK,
             d_max: p.cost.d_max,
             cool_off: p.cost.cool_off,
-            loop_guard: 0,
+            loop_guard: self.path.loop_guard,
             causal: false,
             effort: None,
         };
@@ -296,16 +295,11 @@ impl Node for GlobalUnitSelector {
         let units = units(&features.format, &db, &p.cost.tags)?;
         let table = Table::new(&units).ok_or_else(none)?;
         let few_units = few_units_warning(&units, 0, p.cost.cool_off);
-        let switch_cost = p.cost.switch_cost.min(MAX_SWITCH_COST);
         let target = cx.optional(GlobalUnitSelectorPorts::target);
         let vectors = features.format.vectors;
         Ok(Self {
             gates: target.and_then(|_| ChannelGates::new(&db, features.rate, vectors, p.keep_room_tone, 0)),
-            path: GlobalParams {
-                switch_cost,
-                cap: distance_cap(p.cost.d_max, p.cost.penalty),
-                cool_off: p.cost.cool_off,
-            },
+            path: p.cost.global(features.rate.as_f64()),
             db,
             table,
             vectors,
@@ -359,6 +353,7 @@ impl Node for GlobalUnitSelector {
                 switch_cost: rng.between(0.0, 2.0),
                 d_max: rng.between(0.0, 9.0),
                 cool_off: p.cost.cool_off % 40,
+                loop_guard: rng.between(0.0, 0.1),
                 tags: Vec::new(),
                 ..p.cost
             },

@@ -9,6 +9,7 @@ mod counts;
 pub mod global;
 pub mod global_unit_selector;
 pub mod greedy;
+mod history;
 pub mod kdtree;
 pub mod online_unit_selector;
 pub mod picks;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::candidates::{comparable, few_units_warning, not_finite, units};
 use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
-use super::global::{FixedLag, GlobalParams, PathCostParams, Table, distance_cap};
+use super::global::{FixedLag, PathCostParams, Table};
 use super::picks::{Pick, PickFormat, Picks};
 use super::selector::NotFinite;
 use crate::core::fault::{Fault, Reject};
@@ -120,11 +120,7 @@ impl Node for OnlineUnitSelector {
         let none = || Fault::new("F101", "there is no unit to choose from").at("database");
         let units = units(&features.format, &db, &p.cost.tags)?;
         let table = Table::new(&units).ok_or_else(none)?;
-        let path = GlobalParams {
-            switch_cost: p.cost.switch_cost,
-            cap: distance_cap(p.cost.d_max, p.cost.penalty),
-            cool_off: p.cost.cool_off,
-        };
+        let path = p.cost.global(features.rate.as_f64());
         let (lag, dims) = (lag(p, features.rate), db.dims());
         let channel =
             |_| Channel { path: FixedLag::new(table.clone(), path, lag), counts: Counts::default() };
@@ -199,6 +195,7 @@ impl Node for OnlineUnitSelector {
                 switch_cost: rng.between(0.0, 2.0),
                 d_max: rng.between(0.0, 9.0),
                 cool_off: p.cost.cool_off % 40,
+                loop_guard: rng.between(0.0, 0.1),
                 tags: Vec::new(),
                 ..p.cost
             },

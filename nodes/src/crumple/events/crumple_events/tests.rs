@@ -61,7 +61,7 @@ fn events_have_the_time_of_their_frame_for_any_window_and_merging_joins_frames()
 fn events_have_the_method_and_the_dead_band_of_their_curvature() {
     use crate::curvature::{Curvature, Method};
     let mut frames = vec![vec![Buckle::default(); 12]; 3];
-    let mut detector = crate::crumple::BuckleDetector::new(12, 0.25);
+    let mut detector = crate::crumple::BuckleDetector::new(12, 60.0, 0.25);
     for (h, out) in [-1.0, 1.0, -1.0].into_iter().zip(&mut frames) {
         let bent = Curvature { h, valid: true, area: 1.0, method: Method::Dihedral, ..Curvature::default() };
         detector.detect(&[bent; 12], out);

@@ -22,7 +22,7 @@ fn events_above(
 ) -> Vec<(i64, Crumple)> {
     let n = scene.points.len();
     let mut measure = MeanCurvature::new(&scene.topology(), Method::Cotan).unwrap();
-    let mut detector = BuckleDetector::new(n, h_eps);
+    let mut detector = BuckleDetector::new(n, 60.0, h_eps);
     let mut events = CrumpleEvents::new(&scene.topology(), materials, params).unwrap();
     let (mut bent, mut labels) = (vec![Curvature::default(); n], vec![Buckle::default(); n]);
     for (frame, points) in (0..).zip(frames) {
@@ -161,7 +161,7 @@ fn components_equal_those_of_a_depth_first_search() {
     let (scene, frames) = wandering(3, 30, 3);
     let n = scene.points.len();
     let mut measure = MeanCurvature::new(&scene.topology(), Method::Cotan).unwrap();
-    let (mut detector, mut bent) = (BuckleDetector::new(n, 0.0), vec![Curvature::default(); n]);
+    let (mut detector, mut bent) = (BuckleDetector::new(n, 60.0, 0.0), vec![Curvature::default(); n]);
     let mut labels = vec![Buckle::default(); n];
     let mut events = CrumpleEvents::new(&scene.topology(), &[], PAPER).unwrap();
     let neighbours = OneRings::new(&scene.topology()).unwrap();
@@ -204,7 +204,7 @@ fn the_energy_is_the_square_of_the_sum_of_magnitudes_to_the_last_bit() {
         let (scene, frames) = wandering(seed, 40, 8);
         let n = scene.points.len();
         let mut measure = MeanCurvature::new(&scene.topology(), Method::Cotan).unwrap();
-        let (mut detector, mut bent) = (BuckleDetector::new(n, 0.0), vec![Curvature::default(); n]);
+        let (mut detector, mut bent) = (BuckleDetector::new(n, 60.0, 0.0), vec![Curvature::default(); n]);
         let mut labels = vec![Buckle::default(); n];
         let mut paper =
             CrumpleEvents::new(&scene.topology(), &[], CrumpleParams { merge_frames, ..PAPER }).unwrap();
@@ -396,7 +396,7 @@ proptest! {
         // Events are equal if they are read as soon as they are finished.
         let n = scene.points.len();
         let mut measure = MeanCurvature::new(&scene.topology(), Method::Cotan).unwrap();
-        let mut detector = BuckleDetector::new(n, 0.0);
+        let mut detector = BuckleDetector::new(n, 60.0, 0.0);
         let mut events = CrumpleEvents::new(&scene.topology(), &[], params).unwrap();
         let (mut bent, mut labels) = (vec![Curvature::default(); n], vec![Buckle::default(); n]);
         let mut early = Vec::new();

@@ -46,7 +46,14 @@ fn a_minute_at_constant_speed_has_the_models_spectrum_and_level() {
     let fs = 44100.0;
     for (speed, params) in [
         (0.7_f32, IftNoiseParams::default()),
-        (0.3, IftNoiseParams { window: Window::Sine, magnitude: Magnitude::Rayleigh, ..Default::default() }),
+        (
+            0.3,
+            IftNoiseParams {
+                window: Window::Sine,
+                magnitude: Some(Magnitude::Rayleigh),
+                ..Default::default()
+            },
+        ),
     ] {
         let x = render(&mut stream(fs, params, &ONE), 60.0, fs, &[speed]);
         let m = model();
@@ -64,8 +71,8 @@ fn a_minute_at_constant_speed_has_the_models_spectrum_and_level() {
 #[test]
 fn one_clip_has_exactly_the_power_of_the_spectrum() {
     for fs in RATES {
-        let mut noise =
-            IftNoise::new(&model(), fs, IftNoiseParams::default(), &ONE, Random::new(1, "x")).unwrap();
+        let params = IftNoiseParams { magnitude: Some(Magnitude::Fixed), ..Default::default() };
+        let mut noise = IftNoise::new(&model(), fs, params, &ONE, Random::new(1, "x")).unwrap();
         noise.window.fill(1.0);
         let mut out = vec![0.0; noise.clip_len()];
         noise.clip(3, ClipInput { speeds: &[1.0], positions: None }, &mut out).unwrap();
@@ -176,6 +183,31 @@ fn clusters_and_single_vertices_have_the_same_spectrum() {
         let worst = worst_third_octave(&spectrum(Emitters::default(), positions), &reference);
         assert!(worst < 0.5, "{worst} dB");
     }
+}
+
+#[test]
+fn clusters_are_as_lively_as_the_sum_of_their_vertices() {
+    // Variance of the power of clips over the squared mean: 1 over the number of independent bins of Gaussian noise, and
+    // less where magnitudes are fixed.
+    let fs = 44100.0;
+    let spread = |emitters, magnitude| {
+        let params = IftNoiseParams { emitters, magnitude, ..Default::default() };
+        let mut noise = IftNoise::new(&model(), fs, params, &[4e-4; 24], Random::new(8, "lively")).unwrap();
+        noise.window.fill(1.0);
+        let mut out = vec![0.0; noise.clip_len()];
+        let powers: Vec<f64> = (0..400)
+            .map(|k| {
+                noise.clip(k, ClipInput { speeds: &[0.7; 24], positions: None }, &mut out).unwrap();
+                mean_square(&out)
+            })
+            .collect();
+        let mean = powers.iter().sum::<f64>() / powers.len() as f64;
+        (powers.iter().map(|p| (p / mean - 1.0).powi(2)).sum::<f64>() / powers.len() as f64).sqrt()
+    };
+    let [vertices, clustered] = [Emitters::PerVertex, Emitters::default()].map(|e| spread(e, None));
+    assert!((clustered / vertices - 1.0).abs() < 0.15, "{clustered} for {vertices}");
+    let fixed = spread(Emitters::default(), Some(Magnitude::Fixed));
+    assert!(fixed < 0.1 * vertices, "{fixed} for {vertices}");
 }
 
 #[test]

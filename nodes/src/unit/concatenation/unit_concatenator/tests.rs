@@ -265,6 +265,7 @@ fn a_feature_that_is_no_number_is_named_by_its_unit() {
 #[test]
 fn tags_leave_only_their_recordings_to_choose_from() {
     let tagged = |seed, tag: &str| Take {
+        spans: None,
         channels: vec![noise(seed, 8000)],
         source: crate::unit::UnitSource { tag: tag.into(), ..Default::default() },
     };

@@ -12,7 +12,7 @@ fn noise(seed: u64, n: usize) -> Vec<f32> {
 }
 
 fn take(channels: Vec<Vec<f32>>) -> Take {
-    Take { channels, source: UnitSource { provenance: "a.wav".into(), ..UnitSource::default() } }
+    Take { channels, spans: None, source: UnitSource { provenance: "a.wav".into(), ..UnitSource::default() } }
 }
 
 #[test]

@@ -82,9 +82,9 @@ struct Followed {
 /// The best of the paths through the nearest units, their successors and the units of `greedy`.
 ///
 /// The `candidates` nearest units of each target are tried, with the unit that follows each followed path and the one that `greedy`
-/// chose; the best paths are followed. The path of `greedy` is always among those tried, so that without a rest of units the path
-/// found never costs more. A path in which a unit would come back before its rest is over is left; where none remains, one goes
-/// on all the same and is counted.
+/// chose; the best paths are followed. The path of `greedy` is always among those tried, so that without `cool_off` and `loop_guard` the path
+/// found never costs more. A path in which a unit would recur too early is left; where none remains, one goes on all the same and is
+/// counted.
 ///
 /// # Shapes
 /// `target`: `[n * dims]`; `greedy`: `[n]`, or empty.
@@ -246,16 +246,27 @@ impl<'a, const P: usize> Beam<'a, P> {
         best
     }
 
-    /// Returns true if a column was chosen recently on path `k` of the row before `row`.
-    fn comes_back(&self, row: usize, k: usize, column: usize) -> bool {
+    /// The columns of path `k` of the row before `row`, the latest first.
+    fn columns(&self, row: usize, k: usize) -> impl Iterator<Item = usize> + Clone {
         let mut at = k;
-        let rows = self.rows.iter().take(row).rev();
-        for &start in rows.take(self.params.path.cool_off) {
-            let Some(&(chosen, back)) = self.backpointers.get(start + at) else { return false };
-            if chosen as usize == column {
+        self.rows.iter().take(row).rev().map_while(move |&start| {
+            let &(column, back) = self.backpointers.get(start + at)?;
+            at = back as usize;
+            Some(column as usize)
+        })
+    }
+
+    /// Returns true if a column is in its cool-off on path `k` of the row before `row`, or would repeat its last columns.
+    fn comes_back(&self, row: usize, k: usize, column: usize) -> bool {
+        let GlobalParams { cool_off, loop_guard, .. } = self.params.path;
+        let mut earlier = self.columns(row, k);
+        for lag in 1..=cool_off.max(loop_guard) {
+            let Some(chosen) = earlier.next() else { return false };
+            // The three columns before it, here and now.
+            let repeats = || earlier.clone().take(3).eq(self.columns(row, k).take(3));
+            if chosen == column && (lag <= cool_off || repeats()) {
                 return true;
             }
-            at = back as usize;
         }
         false
     }

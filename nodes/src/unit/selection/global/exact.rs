@@ -1,4 +1,4 @@
-//! The best of all paths, with the cool-off of units repaired.
+//! The best of all paths, with units that recur too early replaced.
 
 use super::path::{GlobalParams, Path};
 use super::programme::Programme;

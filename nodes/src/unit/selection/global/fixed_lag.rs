@@ -1,16 +1,18 @@
 //! The exact programme while the target is still coming: each unit is decided a fixed time after it.
 
-use super::cool_off::CoolOff;
 use super::path::GlobalParams;
 use super::programme::{Decisions, Front, Price};
+use super::repair::substitute;
 use super::table::Table;
 use crate::impl_state;
+use crate::unit::selection::history::History;
 use crate::unit::selection::selector::{Choice, NotFinite};
 
 /// Chooses unit by unit from the best path to the latest known unit of the target.
 ///
 /// Committed picks are final, so that a pick may jump where no path does; its distance from the best path shrinks as
-/// the lag grows. Units that rest are replaced when they are committed.
+/// the lag grows. Units that recur too early are replaced when they are
+/// committed.
 ///
 /// # Complexity
 /// O(m dims + lag) time for a unit; O(m dims + m lag / 8) memory, all of it allocated at the start.
@@ -31,11 +33,10 @@ pub struct FixedLag {
     rows_read: usize,
     /// Rows that are decided.
     decided: usize,
-    cool_off: CoolOff,
-    last: Option<usize>,
+    history: History,
     replaced: usize,
 }
-impl_state!(FixedLag { front, before, decisions, rows_read, decided, cool_off, last, replaced });
+impl_state!(FixedLag { front, before, decisions, rows_read, decided, history, replaced });
 
 impl FixedLag {
     /// Creates the state before the first unit; each choice reads `lag` units after its own.
@@ -49,8 +50,7 @@ impl FixedLag {
             capacity: lag + 1,
             rows_read: 0,
             decided: 0,
-            cool_off: CoolOff::new(count, params.cool_off),
-            last: None,
+            history: History::new(count, params.cool_off, params.loop_guard),
             replaced: 0,
             price: Price::new(&params),
             table,
@@ -77,17 +77,15 @@ impl FixedLag {
         }
         let features = &window[..dims];
         let wanted = column;
-        column =
-            self.cool_off.substitute(&self.table, features, self.decided, wanted, self.last, &self.params);
+        column = substitute(&self.history, &self.table, features, wanted, &self.params);
         self.replaced += usize::from(column != wanted);
-        self.cool_off.record(self.decided, column);
+        self.history.record(column as u32);
         self.decided += 1;
-        self.last = Some(column);
         let d1 = self.table.distance(features, column);
         Ok(Choice { unit: self.table.unit(column), d1, d2: d1, ..Choice::default() })
     }
 
-    /// Units that the best path had and that rested.
+    /// Number of units of the best path that recurred too early.
     #[must_use]
     pub fn replaced(&self) -> usize {
         self.replaced

@@ -4,7 +4,6 @@
 //! [`beam()`] adds the costs of audible differences at joins, and [`FixedLag`] decides with a fixed lag.
 
 mod beam;
-mod cool_off;
 mod exact;
 mod fixed_lag;
 mod path;

@@ -14,6 +14,8 @@ params! {
         penalty: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
         /// Number of targets for which a chosen unit is not chosen again; 0 allows it.
         cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
+        /// Time within which the last four picks are not repeated in order; 0 allows it.
+        loop_guard: f64 = 0.5, unit "s", range 0.0..=60.0;
         /// Choose only from recordings with one of these tags; empty for all.
         tags: Vec<Text> = Vec::new();
     }
@@ -28,6 +30,21 @@ pub struct GlobalParams {
     pub cap: f64,
     /// Targets for which a chosen unit is not chosen again.
     pub cool_off: usize,
+    /// Targets within which the last four picks are not repeated in order; 0 allows it.
+    pub loop_guard: usize,
+}
+
+impl PathCostParams {
+    /// The costs for targets at a rate in units per second.
+    #[must_use]
+    pub(in crate::unit) fn global(&self, rate: f64) -> GlobalParams {
+        GlobalParams {
+            switch_cost: self.switch_cost.min(MAX_SWITCH_COST),
+            cap: distance_cap(self.d_max, self.penalty),
+            cool_off: self.cool_off,
+            loop_guard: (self.loop_guard * rate).round() as usize,
+        }
+    }
 }
 
 /// Maximum cost of a jump: a larger one would exceed the precision of distances.
@@ -40,9 +57,9 @@ pub struct Path {
     pub units: Vec<u32>,
     /// Cost of the path.
     pub cost: f64,
-    /// Cost of the best path without regard to the rest of units.
+    /// Cost of the best path without regard to `cool_off` and `loop_guard`.
     pub free_cost: f64,
-    /// Units of that path that recurred before the end of their cool-off.
+    /// Units of that path that recurred before the end of their cool-off, or that completed a repeat.
     pub repeats: usize,
     /// Times that parts of it were searched again for that.
     pub rounds: usize,

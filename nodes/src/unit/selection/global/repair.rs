@@ -1,8 +1,9 @@
-//! Repair of an exact path in which units come back before the end of their cool-off.
+//! Repair of an exact path in which units recur too early: before the end of their cool-off, or in a repeat of the last picks.
 
-use super::cool_off::CoolOff;
 use super::path::GlobalParams;
 use super::programme::Programme;
+use super::table::Table;
+use crate::unit::selection::history::History;
 
 /// Rounds of a repair.
 const ROUNDS: usize = 20;
@@ -18,24 +19,50 @@ pub(super) struct Repair {
     pub replaced: usize,
 }
 
-/// Rows at which a column recurs before the end of its cool-off.
-fn repeats(path: &[usize], columns: usize, cool_off: usize) -> Vec<usize> {
-    let mut cool_off = CoolOff::new(columns, cool_off);
+/// Rows at which a column recurs too early.
+fn repeats(path: &[usize], columns: usize, params: &GlobalParams) -> Vec<usize> {
+    let mut history = History::new(columns, params.cool_off, params.loop_guard);
     let mut found = Vec::new();
     for (row, &column) in path.iter().enumerate() {
-        if cool_off.barred(row, column) {
+        if history.barred(column) {
             found.push(row);
         }
-        cool_off.record(row, column);
+        history.record(column as u32);
     }
     found
+}
+
+/// `wanted` if it may be chosen, else the cheaper of the column that runs on and the nearest; if all are barred, one that only
+/// repeats, and else the one that was chosen longest ago.
+pub(super) fn substitute(
+    history: &History,
+    table: &Table,
+    features: &[f32],
+    wanted: usize,
+    params: &GlobalParams,
+) -> usize {
+    if !history.barred(wanted) {
+        return wanted;
+    }
+    let next = history.picks.front().and_then(|&last| table.next(last as usize));
+    let cost = |j: usize| {
+        let jump = if next == Some(j) { 0.0 } else { params.switch_cost };
+        table.distance(features, j).min(params.cap) + jump
+    };
+    let cheapest = |barred: &dyn Fn(usize) -> bool| {
+        let free = (0..table.count()).filter(|&j| !barred(j));
+        free.map(|j| (cost(j), j)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, j)| j)
+    };
+    let longest_unused = || (0..table.count()).min_by_key(|&j| history.used[j]);
+    let best = cheapest(&|j| history.barred(j)).or_else(|| cheapest(&|j| history.in_cool_off(j)));
+    best.or_else(longest_unused).unwrap_or(wanted)
 }
 
 /// Adds a cost to units that recur too early, twice as much each time, and searches the blocks around them again; then
 /// replaces those that remain. If replacing alone is cheaper, as among few units, that result is used.
 pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Repair {
     let columns = programme.table.count();
-    let mut found = repeats(&programme.path, columns, params.cool_off);
+    let mut found = repeats(&programme.path, columns, params);
     let mut repair = Repair { repeats: found.len(), ..Repair::default() };
     if found.is_empty() {
         return repair;
@@ -54,7 +81,7 @@ pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Re
             changed[row / programme.block] = true;
         }
         programme.solve(&changed);
-        found = repeats(&programme.path, columns, params.cool_off);
+        found = repeats(&programme.path, columns, params);
         repair.rounds += 1;
         surcharge *= 2.0;
     }
@@ -67,15 +94,14 @@ pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Re
 
 /// The path with each unit replaced that recurs too early, and the number of replaced units.
 fn enforce(programme: &Programme<'_>, params: &GlobalParams) -> (Vec<usize>, usize) {
-    let mut cool_off = CoolOff::new(programme.table.count(), params.cool_off);
+    let mut history = History::new(programme.table.count(), params.cool_off, params.loop_guard);
     let mut path: Vec<usize> = Vec::with_capacity(programme.path.len());
     let mut replaced = 0;
     for (row, &wanted) in programme.path.iter().enumerate() {
         let features = programme.row(row);
-        let column =
-            cool_off.substitute(programme.table, features, row, wanted, path.last().copied(), params);
+        let column = substitute(&history, programme.table, features, wanted, params);
         replaced += usize::from(column != wanted);
-        cool_off.record(row, column);
+        history.record(column as u32);
         path.push(column);
     }
     (path, replaced)

@@ -28,7 +28,7 @@ fn walk(rng: &mut Rng, n: usize) -> Vec<f32> {
 }
 
 fn params(switch_cost: f64, cool_off: usize) -> GlobalParams {
-    GlobalParams { switch_cost, cap: f64::INFINITY, cool_off }
+    GlobalParams { switch_cost, cap: f64::INFINITY, cool_off, loop_guard: 0 }
 }
 
 /// The programme in O(n m²) over the whole table, in double precision.
@@ -224,12 +224,11 @@ fn repaired(seed: u64, lengths: &[usize], rows: usize) -> (f64, f64) {
     assert_eq!(repeated(&rested.units, 10), 0);
     assert!(rested.rounds > 0 && rested.rounds <= 20);
     assert!((rested.free_cost - free.cost).abs() < 1e-12 && rested.cost >= free.cost);
-    let mut cool_off = super::cool_off::CoolOff::new(m, 10);
+    let mut history = crate::unit::selection::history::History::new(m, 10, 0);
     let mut replaced = columns(&table, &free.units);
     for i in 0..replaced.len() {
-        let last = i.checked_sub(1).map(|k| replaced[k]);
-        replaced[i] = cool_off.substitute(&table, &target[3 * i..3 * i + 3], i, replaced[i], last, &p);
-        cool_off.record(i, replaced[i]);
+        replaced[i] = super::repair::substitute(&history, &table, &target[3 * i..3 * i + 3], replaced[i], &p);
+        history.record(replaced[i] as u32);
     }
     let beam_params = BeamParams { path: p, candidates: 40, feature: 0.0, level: 0.0, crossing: 0.0 };
     let found = beam(&table, &Joins::default(), &target, &[], &beam_params).unwrap();
@@ -247,6 +246,39 @@ fn units_rest_after_a_repair_that_costs_no_more_than_replacing() {
         sum = (sum.0 + rested, sum.1 + replaced);
     }
     assert!(sum.0 < sum.1, "{sum:?}");
+}
+
+/// Number of picks that complete a repeat of four picks within `guard` targets.
+fn loops(path: &[u32], guard: usize) -> usize {
+    let same = |i: usize, lag: usize| i >= lag + 3 && path[i - 3..=i] == path[i - lag - 3..=i - lag];
+    (0..path.len()).filter(|&i| (1..=guard).any(|lag| same(i, lag))).count()
+}
+
+#[test]
+fn no_four_picks_are_repeated_within_the_loop_guard() {
+    let mut rng = Rng::new(21);
+    for lengths in [&[60, 40][..], &[400, 300]] {
+        let mut features = Vec::new();
+        let (m, segments) = units(&mut rng, lengths, &mut features);
+        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+        let table = Table::new(&set).unwrap();
+        // A target that repeats itself.
+        let target = walk(&mut rng, 60).repeat(5);
+        let guarded = GlobalParams { loop_guard: 70, ..params(0.5, 5) };
+        let free = exact(&table, &target, &params(0.5, 5), None).unwrap();
+        assert!(loops(&free.units, 70) > 100, "{}", loops(&free.units, 70));
+        let found = exact(&table, &target, &guarded, None).unwrap();
+        assert_eq!((loops(&found.units, 70), repeated(&found.units, 5)), (0, 0));
+        assert!(found.cost < 1.5 * free.cost, "{} for {}", found.cost, free.cost);
+        let beam_params =
+            BeamParams { path: guarded, candidates: 40, feature: 0.0, level: 0.0, crossing: 0.0 };
+        let found = beam(&table, &Joins::default(), &target, &[], &beam_params).unwrap();
+        assert_eq!((loops(&found.units, 70), found.repeats), (0, 0));
+        let mut online = FixedLag::new(table.clone(), guarded, 12);
+        let windows = (0..300).map(|i| &target[3 * i..3 * (i + 13).min(300)]);
+        let online: Vec<u32> = windows.map(|window| online.choose(window).unwrap().unit).collect();
+        assert_eq!((loops(&online, 70), repeated(&online, 5)), (0, 0));
+    }
 }
 
 #[test]

@@ -59,13 +59,22 @@ fn format(db: &UnitDatabase, vectors: usize) -> FeatureFormat {
 
 fn global(method: Method) -> GlobalUnitSelectorParams {
     let p = GlobalUnitSelectorParams::read(&|_| None).unwrap();
-    GlobalUnitSelectorParams { method, candidates: 16, cost: PathCostParams { cool_off: 7, ..p.cost }, ..p }
+    GlobalUnitSelectorParams {
+        method,
+        candidates: 16,
+        cost: PathCostParams { cool_off: 7, loop_guard: 0.0, ..p.cost },
+        ..p
+    }
 }
 
 fn online(lag: f64) -> OnlineUnitSelectorParams {
     OnlineUnitSelectorParams {
         lag,
-        cost: PathCostParams { cool_off: 7, ..OnlineUnitSelectorParams::read(&|_| None).unwrap().cost },
+        cost: PathCostParams {
+            cool_off: 7,
+            loop_guard: 0.0,
+            ..OnlineUnitSelectorParams::read(&|_| None).unwrap().cost
+        },
         ..OnlineUnitSelectorParams::read(&|_| None).unwrap()
     }
 }
@@ -137,7 +146,8 @@ fn the_node_gives_the_path_that_the_search_finds() {
     };
     let set = units(&format(&db, 1), &db, &[]).unwrap();
     let table = Table::new(&set).unwrap();
-    let path = GlobalParams { switch_cost: p.cost.switch_cost, cap: f64::INFINITY, cool_off: 0 };
+    let path =
+        GlobalParams { switch_cost: p.cost.switch_cost, cap: f64::INFINITY, cool_off: 0, loop_guard: 0 };
     let wanted = exact(&table, &target, &path, None).unwrap();
     let found = picks(of_global(&p, &db, 1, &target));
     let units: Vec<u32> = found.iter().map(|pick| pick.unit as u32).collect();
@@ -350,7 +360,7 @@ fn what_decides_online_sleeps_as_well_and_looks_at_nothing_that_is_slept_through
         let found = picks(with(lag));
         let units = (lag * 240.0).round() as usize;
         let table = Table::new(&self::units(&format(&db, 1), &db, &[]).unwrap()).unwrap();
-        let path = GlobalParams { switch_cost: 0.5, cap: f64::INFINITY, cool_off: 7 };
+        let path = GlobalParams { switch_cost: 0.5, cap: f64::INFINITY, cool_off: 7, loop_guard: 0 };
         let mut choice = FixedLag::new(table, path, units);
         for at in (0..360).filter(|at| !asleep.contains(at)) {
             let known = (at..=(at + units).min(359)).filter(|k| !asleep.contains(k));

@@ -1,6 +1,5 @@
 //! Selection unit by unit: each choice is the best window, given the picks before it.
 
-mod history;
 mod unit_index;
 pub mod window_search;
 

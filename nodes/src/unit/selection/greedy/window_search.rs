@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::history::History;
 use super::unit_index::{Index, mean, padded};
 use crate::archive_state;
+use crate::unit::selection::history::History;
 use crate::unit::selection::kdtree::{Search, squared};
 use crate::unit::selection::selector::{Choice, MAX_DIMS, NotFinite, Selector, SelectorParams, Units};
 
@@ -67,7 +67,7 @@ impl<const P: usize> Exact<P> {
     fn new(units: &Units<'_>, params: SelectorParams) -> Self {
         let index = Arc::new(Index::new(units, &params));
         Self {
-            history: History::new(index.features.len(), &params),
+            history: History::new(index.features.len(), params.cool_off, params.loop_guard),
             window: Vec::with_capacity(params.look + 1),
             search: Search::default(),
             index,
@@ -238,7 +238,6 @@ impl<const P: usize> Selector for Exact<P> {
         NotFinite::check(window, self.index.dims)?;
         self.window.clear();
         self.window.extend(window.chunks_exact(self.index.dims).map(padded::<P>));
-        self.history.guard();
         let rested = self.least_recent();
         self.search.left = self.params.effort;
         let mut chosen = self.best(rested);

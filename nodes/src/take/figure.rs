@@ -1,0 +1,49 @@
+//! The figure of takes: what was cut out of each recording.
+
+use super::cutting::{DIGITAL_SILENCE, levels};
+use super::takes::{CutRecording, Takes};
+use crate::plot::{Axis, Line, Span, chart, colour, grid, with_spans};
+
+/// Most recordings that are drawn.
+const DRAWN: usize = 24;
+/// Points of a level curve.
+const POINTS: usize = 600;
+
+/// One chart per recording, two in a row: its level, its noise floor and its takes.
+pub(super) fn draw(takes: &Takes) -> Option<String> {
+    let drawn = takes.recordings.iter().filter(|recording| !recording.is_empty()).take(DRAWN);
+    let charts: Vec<String> = drawn.map(|recording| one(recording, takes.rate)).collect();
+    (!charts.is_empty()).then(|| grid(&charts, 2))
+}
+
+fn one(recording: &CutRecording, rate: f64) -> String {
+    let (n, kept) = (recording.len(), recording.kept());
+    let step = n.div_ceil(POINTS).max(1);
+    let level = |(k, level): (usize, f64)| [(k * step) as f64 / rate, level.max(DIGITAL_SILENCE)];
+    let points: Vec<[f64; 2]> =
+        levels(&recording.channels, step, step).into_iter().enumerate().map(level).collect();
+    let seconds = n as f64 / rate;
+    let lines = [
+        Line::new("level", points),
+        Line::new("noise floor", vec![[0.0, recording.floor], [seconds, recording.floor]]),
+    ];
+    let x = Axis { label: "time, s".into(), range: [0.0, seconds], log: false };
+    let values = lines.iter().flat_map(|line| line.points.iter().map(|p| p[1]));
+    let y = Axis::over("level, dB of full scale", values, false);
+    let name = recording.source.provenance.rsplit(['/', '\\']).next().unwrap_or_default();
+    let title =
+        format!("{name}: {} takes, {:.2} of {seconds:.2} s", recording.takes.len(), kept as f64 / rate);
+    let count = recording.takes.len();
+    let spans: Vec<Span> = recording
+        .takes
+        .iter()
+        .enumerate()
+        .map(|(k, take)| Span {
+            range: [take.start, take.end].map(|sample| sample as f64 / rate),
+            label: (count <= 40).then(|| format!("{}", k + 1)).unwrap_or_default(),
+            colour: colour(2, 3),
+            is_full: true,
+        })
+        .collect();
+    with_spans(&chart(&title, &x, &y, &lines), &x, &spans)
+}

@@ -1,0 +1,131 @@
+//! Past picks: units in their cool-off, and units that repeat the last picks.
+
+use std::collections::VecDeque;
+
+use crate::impl_state;
+
+/// Number of picks that are not repeated in order.
+const SEQUENCE: usize = 4;
+
+/// The choices so far.
+#[derive(Clone, Debug)]
+pub(super) struct History {
+    /// One more than the target for which a unit was last chosen; 0 where it never was.
+    pub used: Vec<u64>,
+    /// Targets so far.
+    now: u64,
+    /// The last picks, the latest first.
+    pub picks: VecDeque<u32>,
+    /// Units that would repeat the last picks.
+    pub guarded: Vec<u32>,
+    cool_off: u64,
+    loop_guard: usize,
+}
+impl_state!(History { used, now, picks, guarded });
+
+impl History {
+    /// Creates the history before the first pick; `cool_off` and `loop_guard` as in
+    /// [`SelectorParams`](super::selector::SelectorParams).
+    pub fn new(units: usize, cool_off: usize, loop_guard: usize) -> Self {
+        Self {
+            used: vec![0; units],
+            now: 0,
+            picks: VecDeque::with_capacity(loop_guard + SEQUENCE + 1),
+            guarded: Vec::new(),
+            cool_off: cool_off as u64,
+            loop_guard,
+        }
+    }
+
+    /// Returns true if a unit was chosen for one of the last targets.
+    pub fn in_cool_off(&self, unit: usize) -> bool {
+        let used = self.used[unit];
+        used > 0 && self.now + 1 - used <= self.cool_off
+    }
+
+    /// Returns true if a unit may not be chosen next.
+    pub fn barred(&self, unit: usize) -> bool {
+        self.in_cool_off(unit) || self.guarded.contains(&(unit as u32))
+    }
+
+    /// Finds the units that would continue with an exact repeat of the last picks.
+    fn guard(&mut self) {
+        let picks = &self.picks;
+        let same = SEQUENCE - 1;
+        // `picks[k - 1]` was chosen k targets ago.
+        for lag in 1..=self.loop_guard.min(picks.len().saturating_sub(same)) {
+            if (0..same).all(|k| picks.get(lag + k) == picks.get(k)) {
+                self.guarded.extend(picks.get(lag - 1));
+            }
+        }
+    }
+
+    /// Ends the cool-off of all units.
+    pub fn release_all(&mut self) {
+        self.now += self.cool_off + 1;
+        self.picks.clear();
+        self.guarded.clear();
+    }
+
+    /// Adds a pick.
+    pub fn record(&mut self, unit: u32) {
+        let used = std::mem::replace(&mut self.used[unit as usize], self.now + 1);
+        self.now += 1;
+        if self.loop_guard == 0 && self.picks.len() == 1 {
+            self.picks.clear();
+        } else if self.picks.len() == self.loop_guard + SEQUENCE {
+            self.picks.pop_back();
+        }
+        self.picks.push_front(unit);
+        self.guarded.clear();
+        // A repeat ends with a unit that was chosen within the guarded time.
+        if used > 0 && self.now - used <= self.loop_guard as u64 {
+            self.guard();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_is_barred_for_its_cool_off_and_where_it_would_repeat_four_picks() {
+        let mut history = History::new(9, 2, 5);
+        [0, 1, 2, 3, 4].into_iter().for_each(|unit| history.record(unit));
+        assert_eq!((0..9).filter(|&j| history.barred(j)).collect::<Vec<_>>(), [3, 4]);
+        [0, 1, 2].into_iter().for_each(|unit| history.record(unit));
+        assert_eq!((0..9).filter(|&j| history.barred(j)).collect::<Vec<_>>(), [1, 2, 3]);
+        // Six targets ago is not within the guarded five.
+        let mut history = History::new(9, 0, 5);
+        [0, 1, 2, 3, 4, 5, 0, 1, 2].into_iter().for_each(|unit| history.record(unit));
+        assert!(!(0..9).any(|j| history.barred(j)));
+    }
+
+    #[test]
+    fn what_is_barred_equals_a_search_of_all_picks() {
+        let mut rng = crate::core::random::Rng::new(4);
+        for _ in 0..50 {
+            let (cool_off, guard) = (rng.below(3), rng.below(12));
+            let (mut history, mut picks) = (History::new(5, cool_off, guard), Vec::new());
+            for _ in 0..200 {
+                let last = |n: usize| &picks[picks.len().saturating_sub(n)..];
+                let repeats = |unit: usize| {
+                    let sequence = [last(3), &[unit]].concat();
+                    let at = |lag: usize| {
+                        let end = picks.len().checked_sub(lag - 1)?;
+                        picks.get(end.checked_sub(4)?..end)
+                    };
+                    (1..=guard).any(|lag| picks.len() >= 3 && at(lag) == Some(&sequence[..]))
+                };
+                for unit in 0..5 {
+                    let expected = last(cool_off).contains(&unit) || repeats(unit);
+                    assert_eq!(history.barred(unit), expected, "{unit} after {picks:?}, {guard}");
+                }
+                let unit = rng.below(5);
+                history.record(unit as u32);
+                picks.push(unit);
+            }
+        }
+    }
+}
