@@ -308,6 +308,7 @@ impl Registry {
             .with_each::<dsp::nodes::MonoNode>()
             .with::<dsp::nodes::NoiseNode>()
             .with::<dsp::nodes::NormalizeNode>()
+            .with::<dsp::nodes::TransientTransfer>()
             .with::<dsp::nodes::PanNode>()
             .with::<dsp::nodes::ResampleNode>()
             .with::<dsp::nodes::SweepNode>()

@@ -56,6 +56,9 @@ pub mod nodes {
     pub use super::level::level_meter::{LevelMeterIo, LevelMeterNode, LevelMeterParams, LevelMeterPorts};
     pub use super::level::loudness::{LoudnessIo, LoudnessNode, LoudnessParams, LoudnessPorts};
     pub use super::level::normalize::{NormalizeIo, NormalizeNode, NormalizeParams, NormalizePorts};
+    pub use super::level::transient_transfer::{
+        TransientTransfer, TransientTransferIo, TransientTransferParams, TransientTransferPorts,
+    };
     pub use super::rate::resample::{ResampleIo, ResampleNode, ResampleParams, ResamplePorts};
     pub use super::source::impulses::{ImpulsesIo, ImpulsesNode, ImpulsesParams, ImpulsesPorts};
     pub use super::source::metronome::{MetronomeIo, MetronomeNode, MetronomeParams, MetronomePorts};

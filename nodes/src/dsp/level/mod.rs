@@ -9,4 +9,5 @@ pub mod normalize;
 pub mod ramp;
 pub mod reference;
 pub mod sound_meter;
+pub mod transient_transfer;
 pub mod weighting;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::concatenator::{Blend, Concatenator, Join};
+use super::repeats::{MEMORY, RepeatCounter};
 use crate::core::fault::{Fault, Reject};
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node, Summary, same_rate};
@@ -74,10 +75,15 @@ pub struct UnitConcatenator {
     /// The unit whose joins are known, and they per channel.
     known: Option<i64>,
     joins: Vec<[Join; 2]>,
+    /// Repeats of each channel of the picks.
+    repeats: Vec<RepeatCounter>,
     /// Picks outside of the database, which are silent.
     outside: u64,
     muted_samples: u64,
 }
+
+/// Share of repeats above which a warning appears.
+const MAX_REPEATS: f64 = 0.02;
 
 /// Channels of the output.
 fn channels(format: &PickFormat, balance: Option<Channels>) -> Result<u16, Reject> {
@@ -110,6 +116,10 @@ impl UnitConcatenator {
             let units = self.around(picks, channel.min(picks.width() - 1), k);
             let source = channel.min(db.channels() - 1);
             if self.known != Some(k) {
+                if let Some(repeats) = self.repeats.get_mut(channel) {
+                    let pick = picks.item((k - picks.first()) as isize).get(channel);
+                    repeats.add(units[1].filter(|_| pick.is_some_and(|pick| !pick.asleep)));
+                }
                 self.outside += u64::from(units[1].is_none());
                 self.joins[channel] = [(units[0], units[1]), (units[1], units[2])]
                     .map(|sides| concatenator.join(source, sides));
@@ -183,6 +193,7 @@ impl Node for UnitConcatenator {
             short: picks.end.is_some_and(|end| end < picks.rate.tick(1)),
             known: None,
             joins: vec![Default::default(); audio.format.0.into()],
+            repeats: vec![RepeatCounter::new(picks.rate.as_f64()); picks.format.channels],
             outside: 0,
             muted_samples: 0,
             db,
@@ -220,10 +231,26 @@ impl Node for UnitConcatenator {
     }
 
     fn finish(&mut self, _: UnitConcatenatorIo<'_>) -> Result<Summary, Fault> {
-        Ok(vec![("outside", self.outside.into()), ("asleep_samples", self.muted_samples.into())])
+        let [repeated, picks] = [|r: &RepeatCounter| r.repeated, |r: &RepeatCounter| r.picks]
+            .map(|of| self.repeats.iter().map(of).sum::<u64>());
+        let share = repeated as f64 / picks.max(1) as f64;
+        let mut summary: Summary = vec![
+            ("outside", self.outside.into()),
+            ("asleep_samples", self.muted_samples.into()),
+            ("repeats", share.into()),
+        ];
+        if share > MAX_REPEATS {
+            let text = format!(
+                "{:.0} % of the sound was played, in the same order, in the {MEMORY} s before, which is heard as a pattern: give more \
+                 recordings, set `loop_guard: {MEMORY}` of the selector, or lower its `switch_cost`",
+                100.0 * share
+            );
+            summary.push(("warning", text.into()));
+        }
+        Ok(summary)
     }
 
-    archive_state!(known, joins, outside, muted_samples, each gate);
+    archive_state!(known, joins, outside, muted_samples, each gate, each repeats);
 }
 
 #[cfg(test)]
