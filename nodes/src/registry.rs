@@ -53,6 +53,7 @@ use crate::grain::synthesis::pattern_resynth::PatternResynth;
 use crate::grain::synthesis::pattern_timescale::PatternTimescale;
 use crate::grain::synthesis::pattern_variation::PatternVariation;
 use crate::likeness::likeness_report::LikenessReport;
+use crate::likeness::likeness_table::LikenessTable;
 use crate::material::experiments::damping_experiment::DampingExperiment;
 use crate::material::experiments::fit_comparison::FitComparison;
 use crate::material::experiments::fit_convergence::FitConvergence;
@@ -388,6 +389,7 @@ impl Registry {
             .with::<SelectionReportNode>()
             .family("likeness")
             .with::<LikenessReport>()
+            .with_func::<LikenessTable>()
             .family("modal")
             .with::<ImpactFile>()
             .with::<ImpactsFromRecording>()

@@ -9,6 +9,7 @@ mod envelope_lines;
 mod figure;
 mod joins;
 pub mod likeness_report;
+pub mod likeness_table;
 mod modulation;
 mod repeats;
 mod report;

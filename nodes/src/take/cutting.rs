@@ -29,8 +29,8 @@ impl Default for TakeRules {
     fn default() -> Self {
         Self {
             floor: None,
-            open: 10.0,
-            close: 5.0,
+            open: 12.0,
+            close: 8.0,
             hold: 0.05,
             window: 0.01,
             lead: 0.01,
@@ -174,13 +174,13 @@ mod tests {
     #[test]
     fn takes_are_what_is_louder_than_the_room() {
         let rules = TakeRules::default();
-        // The short crack of 20 ms is dropped, the pause of 40 ms ends no take, and 7 dB above the floor hold it open.
+        // The short crack of 20 ms is dropped, the pause of 40 ms ends no take, and 10 dB above the floor hold it open.
         let x = noise(&[
             (1.0, -60.0),
             (0.5, -30.0),
             (0.04, -60.0),
             (0.3, -40.0),
-            (0.4, -53.0),
+            (0.4, -50.0),
             (0.7, -60.0),
             (0.02, -30.0),
             (1.0, -60.0),

@@ -48,9 +48,9 @@ params! {
         /// Level of the noise floor; None to measure that of each recording.
         floor: Option<f64> = None, unit "dB", range -200.0..=0.0;
         /// Level above the noise floor at which a take begins.
-        open: f64 = 10.0, unit "dB", range 0.0..=120.0;
+        open: f64 = 12.0, unit "dB", range 0.0..=120.0;
         /// Level above the noise floor below which it ends.
-        close: f64 = 5.0, unit "dB", range 0.0..=120.0;
+        close: f64 = 8.0, unit "dB", range 0.0..=120.0;
         /// Time for which the level must stay below that.
         hold: f64 = 0.05, unit "s", range 0.0..=10.0;
         /// Window of the level.

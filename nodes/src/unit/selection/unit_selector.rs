@@ -48,8 +48,8 @@ params! {
         d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
         /// Number of targets for which a chosen unit is not chosen again.
         cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
-        /// Time within which the last four picks are not repeated in order; 0 allows it, 0.5 is a good value.
-        loop_guard: f64 = 0.0, unit "s", range 0.0..=60.0;
+        /// Time within which the last four picks are not repeated in order; 0 allows it, as in the paper.
+        loop_guard: f64 = 0.5, unit "s", range 0.0..=60.0;
         /// Compare units before the current one in place of units after it, so that there is no look-ahead.
         causal: bool = false;
         /// Choose only from recordings with one of these tags; empty for all.

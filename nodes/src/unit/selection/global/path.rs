@@ -7,7 +7,7 @@ params! {
     /// Costs of a path, and the units that it may take.
     pub struct PathCostParams {
         /// Cost of a jump, in distances of features.
-        switch_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
+        switch_cost: f64 = 1.0, unit "", range 0.0..=1000.0;
         /// Maximum distance of features that sound alike.
         d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
         /// A unit beyond `d_max` costs no more than `d_max` and this; 0 sets no limit.
@@ -15,7 +15,7 @@ params! {
         /// Number of targets for which a chosen unit is not chosen again; 0 allows it.
         cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;
         /// Time within which the last four picks are not repeated in order; 0 allows it.
-        loop_guard: f64 = 0.5, unit "s", range 0.0..=60.0;
+        loop_guard: f64 = 2.0, unit "s", range 0.0..=60.0;
         /// Choose only from recordings with one of these tags; empty for all.
         tags: Vec<Text> = Vec::new();
     }
