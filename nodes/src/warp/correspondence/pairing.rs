@@ -266,28 +266,39 @@ fn time_warp(a: &[&[f32]], b: &[&[f32]], d: usize) -> Vec<(usize, usize)> {
     path
 }
 
-/// Pairs of feature vectors for one vector (channel) of the target, each with its correspondence.
+/// Pairs of feature vectors, each with its correspondence.
+///
+/// Channels of the target with the same units of the database, as of a recording of one channel, are one: the start of a pair is the mean of
+/// their features. A pair for each would lead all channels to one level.
 ///
 /// # Shapes
 /// `features: [units, vectors, d]` of the target.
 #[must_use]
 pub fn pairs(
     intervals: &[Interval],
-    vector: usize,
     pairing: Pairing,
     set: &CorrespondenceSet,
     (features, vectors): (&[f32], usize),
     db: &UnitDatabase,
 ) -> Vec<(usize, Pair)> {
     let d = db.dims();
-    let target = |unit: usize| {
+    let vector = |unit: usize, vector: usize| {
         let at = (unit * vectors + vector) * d;
         features.get(at..at + d).unwrap_or_default()
     };
+    let same = |a: &Interval, b: &Interval| {
+        (a.correspondence, &a.target, &a.database) == (b.correspondence, &b.target, &b.database)
+    };
     let mut all = Vec::new();
-    for interval in intervals.iter().filter(|s| s.vector == vector) {
+    for channels in intervals.chunk_by(same) {
+        let Some(interval) = channels.first() else { continue };
+        let target = |unit: usize| -> Vec<f32> {
+            let of_unit = channels.iter().map(|channel| vector(unit, channel.vector));
+            mean(of_unit, d).into_iter().map(|x| x as f32).collect()
+        };
         let weight = set.pairs.get(interval.correspondence).map_or(1.0, |c| c.weight);
-        let from: Vec<&[f32]> = interval.target.clone().map(target).collect();
+        let from: Vec<Vec<f32>> = interval.target.clone().map(target).collect();
+        let from: Vec<&[f32]> = from.iter().map(Vec::as_slice).collect();
         let to: Vec<&[f32]> = interval.database.clone().map(|unit| db.feature(unit)).collect();
         let wide = |x: &[f32]| x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>();
         let mut add =
@@ -430,7 +441,7 @@ mod tests {
         let all = intervals(&set, target, &db).unwrap();
         assert_eq!((all[0].target.len(), all[0].database.clone()), (12, 1..12));
         let features: Vec<f32> = (0..480 * 3).map(|k| (k / 3) as f32).collect();
-        let of = |pairing| pairs(&all, 0, pairing, &set, (&features, 1), &db);
+        let of = |pairing| pairs(&all, pairing, &set, (&features, 1), &db);
         let in_order = of(Pairing::InOrder);
         assert_eq!((in_order.len(), in_order[3].1.from[0], in_order[3].1.to[1]), (11, 3.0, 13.0));
         assert_eq!(in_order[0].1.weight, 2.0);
