@@ -268,9 +268,6 @@ fn time_warp(a: &[&[f32]], b: &[&[f32]], d: usize) -> Vec<(usize, usize)> {
 
 /// Pairs of feature vectors, each with its correspondence.
 ///
-/// Channels of the target with the same units of the database, as of a recording of one channel, are one: the start of a pair is the mean of
-/// their features. A pair for each would lead all channels to one level.
-///
 /// # Shapes
 /// `features: [units, vectors, d]` of the target.
 #[must_use]
@@ -282,23 +279,14 @@ pub fn pairs(
     db: &UnitDatabase,
 ) -> Vec<(usize, Pair)> {
     let d = db.dims();
-    let vector = |unit: usize, vector: usize| {
-        let at = (unit * vectors + vector) * d;
-        features.get(at..at + d).unwrap_or_default()
-    };
-    let same = |a: &Interval, b: &Interval| {
-        (a.correspondence, &a.target, &a.database) == (b.correspondence, &b.target, &b.database)
-    };
     let mut all = Vec::new();
-    for channels in intervals.chunk_by(same) {
-        let Some(interval) = channels.first() else { continue };
-        let target = |unit: usize| -> Vec<f32> {
-            let of_unit = channels.iter().map(|channel| vector(unit, channel.vector));
-            mean(of_unit, d).into_iter().map(|x| x as f32).collect()
+    for interval in intervals {
+        let target = |unit: usize| {
+            let at = (unit * vectors + interval.vector) * d;
+            features.get(at..at + d).unwrap_or_default()
         };
         let weight = set.pairs.get(interval.correspondence).map_or(1.0, |c| c.weight);
-        let from: Vec<Vec<f32>> = interval.target.clone().map(target).collect();
-        let from: Vec<&[f32]> = from.iter().map(Vec::as_slice).collect();
+        let from: Vec<&[f32]> = interval.target.clone().map(target).collect();
         let to: Vec<&[f32]> = interval.database.clone().map(|unit| db.feature(unit)).collect();
         let wide = |x: &[f32]| x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>();
         let mut add =

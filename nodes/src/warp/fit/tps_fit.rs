@@ -29,10 +29,10 @@ params! {
     /// features: 0 passes through every pair, 1e5 is almost a shift, turn and stretch, and None takes the one of least generalised
     /// cross-validation. The paper's cotton has 1e2, its polyester and windbreaker 1e5, its corduroy 0.
     ///
-    /// Features of several channels are fitted by one warp, from the correspondences of all channels: a level is warped to the same level
-    /// in every channel, so that level differences between the channels remain. A correspondence that is marked in one channel serves all;
-    /// one of all channels with a recording of one channel starts at the mean of the features of the channels.
-    /// `per_channel` fits each channel from its own correspondences.
+    /// Features of several channels are fitted by one warp, from the correspondences of all channels: equal features have equal units,
+    /// whichever the channel. A correspondence that is marked in one channel serves all. One of all channels with a recording of one channel leads
+    /// all of them to the same moment, which reduces the level differences between them: `InterauralCues` restores these. `per_channel` fits
+    /// each channel from its own correspondences.
     ///
     /// The summary states the degrees of freedom (between the dimensions plus one and the number of nodes), the residual at the
     /// nodes, the share of the target where the warp folds over, `mirrored` if it mirrors most of the target (common with few
