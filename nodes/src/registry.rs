@@ -135,6 +135,7 @@ use crate::soundtrack::wavelet::texture_model::TextureModelNode;
 use crate::soundtrack::wavelet::texture_model_file::TextureModelFile;
 use crate::soundtrack::wavelet::wavelet_tree::WaveletTreeNode;
 use crate::spatial::hrtf::structural_hrtf::StructuralHrtf;
+use crate::spatial::interaural::interaural_cues::InterauralCues;
 use crate::spatial::motion::bvh_pose::BvhPose;
 use crate::spatial::motion::object_pose::ObjectPose;
 use crate::spatial::motion::orbit::Orbit;
@@ -471,6 +472,7 @@ impl Registry {
             .with::<ContactLog>()
             .family("spatial")
             .with::<StructuralHrtf>()
+            .with::<InterauralCues>()
             .with::<DistanceGain>()
             .with::<Occlusion>()
             .with::<BvhPose>()

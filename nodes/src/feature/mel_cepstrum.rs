@@ -136,6 +136,7 @@ pub struct MelCepstrum {
     power: Vec<f64>,
     scratch: Vec<Complex<f64>>,
     energies: Vec<f64>,
+    mean: Vec<f64>,
 }
 
 impl std::fmt::Debug for MelCepstrum {
@@ -164,6 +165,7 @@ impl MelCepstrum {
             power: vec![0.0; length / 2 + 1],
             scratch: fft.make_scratch_vec(),
             energies: vec![0.0; c.bands as usize],
+            mean: vec![0.0; c.bands as usize],
             scale: 2.0 / (length as f64 * energy.max(f64::MIN_POSITIVE)),
             window,
             fft,
@@ -173,16 +175,6 @@ impl MelCepstrum {
     /// Sets the lowest energy of a band.
     pub fn set_floor(&mut self, floor: f64) {
         self.floor = floor.max(f64::MIN_POSITIVE);
-    }
-
-    /// Returns the mean natural logarithm of the band energies of the last processed unit.
-    #[must_use]
-    pub fn level(&self) -> f64 {
-        let per_neper = match self.log {
-            LogScale::Natural => 1.0,
-            LogScale::Decibel => 10.0 / std::f64::consts::LN_10,
-        };
-        self.energies.iter().sum::<f64>() / (self.energies.len().max(1) as f64 * per_neper)
     }
 
     /// Returns the length of the window in samples, which is centred on the unit.
@@ -216,6 +208,23 @@ impl MelCepstrum {
     /// Writes the cepstral coefficients of one unit.
     pub fn process(&mut self, frame: &[f32], out: &mut [f32]) {
         self.energies(frame);
+        self.coefficients(out);
+    }
+
+    /// Writes the cepstral coefficients of the mean power of several channels, which delays between them do not change.
+    pub fn process_mean<'a>(&mut self, frames: impl ExactSizeIterator<Item = &'a [f32]>, out: &mut [f32]) {
+        let weight = 1.0 / frames.len().max(1) as f64;
+        self.mean.fill(0.0);
+        for frame in frames {
+            self.energies(frame);
+            self.mean.iter_mut().zip(&self.energies).for_each(|(mean, energy)| *mean += weight * energy);
+        }
+        self.energies.copy_from_slice(&self.mean);
+        self.coefficients(out);
+    }
+
+    /// Writes the cepstral coefficients of the band energies, which become their logarithms.
+    fn coefficients(&mut self, out: &mut [f32]) {
         let (floor, log) = (self.floor, self.log);
         for energy in &mut self.energies {
             let floored = energy.max(floor);

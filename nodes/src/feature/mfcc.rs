@@ -24,7 +24,7 @@ choices! {
         Independent,
         /// One vector of the coefficients of all channels in sequence.
         Joint,
-        /// One vector of the mean of all channels; `balance` outputs their levels.
+        /// One vector of the mean power of all channels: one choice of units for all, to which `InterauralCues` adds the differences.
         SharedMid,
     }
 }
@@ -59,8 +59,6 @@ ports! {
         out {
             /// Features, one item per unit.
             features: Stream<Features>,
-            /// Level of each channel relative to their mean, per unit, within 12 dB; 1 unless `channels` is `SharedMid`.
-            balance: Stream<f32>,
         }
     }
 }
@@ -76,16 +74,12 @@ pub struct Mfcc {
     /// Number of samples by which a window begins before its unit.
     window_offset: i64,
     from_database: bool,
-    /// Filtered samples per channel, and of their mean for `SharedMid`, from sample `start` on.
+    /// Filtered samples per channel, from sample `start` on.
     buffered: Vec<Vec<f32>>,
     start: i64,
     /// Interleaved new samples for the high-pass.
     new_samples: Vec<f32>,
-    unused_features: Vec<f32>,
 }
-
-/// Largest factor between the level of a channel and the mean.
-const MAX_BALANCE: f64 = 4.0;
 
 /// Returns the number of samples by which a window begins before its unit.
 fn window_offset(frame: u32, unit: u32) -> i64 {
@@ -110,9 +104,6 @@ impl Mfcc {
             for (buffered, &x) in self.buffered.iter_mut().zip(frame) {
                 buffered.push(x);
             }
-            if let Some(mid) = self.buffered.get_mut(channels) {
-                mid.push(frame.iter().sum::<f32>() / channels as f32);
-            }
         }
     }
 
@@ -124,25 +115,17 @@ impl Mfcc {
         self.start += count as i64;
     }
 
-    /// Computes the features of one unit and the levels of its channels.
-    fn unit(&mut self, unit: i64, out: &mut [f32], balance: &mut [f32]) {
+    /// Computes the features of one unit.
+    fn unit(&mut self, unit: i64, out: &mut [f32]) {
         let from = (unit * self.unit - self.window_offset - self.start).max(0) as usize;
         let to = from + self.cepstrum.frame();
-        let channels = balance.len();
-        balance.fill(1.0);
-        if self.mode != FeatureChannels::SharedMid {
-            for (buffered, out) in self.buffered.iter().zip(out.chunks_exact_mut(self.n)) {
-                self.cepstrum.process(buffered.get(from..to).unwrap_or_default(), out);
-            }
-            return;
-        }
-        let [sounds @ .., mid] = &self.buffered[..] else { return };
-        self.cepstrum.process(mid.get(from..to).unwrap_or_default(), out);
-        let level = self.cepstrum.level();
-        for (buffered, balance) in sounds.iter().take(channels).zip(balance) {
-            self.cepstrum.process(buffered.get(from..to).unwrap_or_default(), &mut self.unused_features);
-            let gain = (0.5 * (self.cepstrum.level() - level)).exp();
-            *balance = gain.clamp(1.0 / MAX_BALANCE, MAX_BALANCE) as f32;
+        let frames = self.buffered.iter().map(|buffered| buffered.get(from..to).unwrap_or_default());
+        if self.mode == FeatureChannels::SharedMid {
+            self.cepstrum.process_mean(frames, out);
+        } else {
+            frames
+                .zip(out.chunks_exact_mut(self.n))
+                .for_each(|(frame, out)| self.cepstrum.process(frame, out));
         }
     }
 }
@@ -151,6 +134,7 @@ impl Node for Mfcc {
     type Params = MfccParams;
     type Ports = MfccPorts;
     const NAME: &'static str = "Mfcc";
+    const VERSION: u32 = 2;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 15.0;
 
@@ -172,7 +156,6 @@ impl Node for Mfcc {
         let too_long = || Reject::new("F051", format!("units of {} samples are too long", c.unit)).at("unit");
         let rate = c.unit_rate().ok_or_else(too_long)?;
         s.output(MfccPorts::features, rate, FeatureFormat { vectors, conventions: Arc::new(c) });
-        s.output(MfccPorts::balance, rate, audio.format);
         Ok(())
     }
 
@@ -191,7 +174,6 @@ impl Node for Mfcc {
             }
             false => None,
         };
-        let mid = usize::from(p.channels == FeatureChannels::SharedMid);
         Ok(Self {
             cepstrum: MelCepstrum::new(&c, floor),
             high_pass,
@@ -200,10 +182,9 @@ impl Node for Mfcc {
             unit: i64::from(c.unit),
             window_offset: window_offset(c.frame, c.unit),
             from_database: c.floor == FloorRule::Database,
-            buffered: vec![Vec::new(); channels + mid],
+            buffered: vec![Vec::new(); channels],
             start: 0,
             new_samples: Vec::new(),
-            unused_features: vec![0.0; c.n as usize],
         })
     }
 
@@ -217,9 +198,8 @@ impl Node for Mfcc {
         let first = io.audio.first() - io.audio.behind() as i64;
         self.buffer_input(io.audio.around(), first, channels);
         let (unit, width) = (io.features.first(), io.features.width().max(1));
-        let balance = io.balance.items().chunks_exact_mut(channels);
-        for ((unit, out), balance) in (unit..).zip(io.features.items().chunks_exact_mut(width)).zip(balance) {
-            self.unit(unit, out, balance);
+        for (unit, out) in (unit..).zip(io.features.items().chunks_exact_mut(width)) {
+            self.unit(unit, out);
         }
         let next = io.audio.first() + io.audio.len() as i64;
         self.discard(next - self.window_offset.max(0));

@@ -116,13 +116,49 @@ fn a_planted_distortion_is_undone_with_a_lambda_that_the_fit_finds() {
 
 #[test]
 fn channels_have_maps_of_their_own_and_one_map_serves_all() {
-    let two = warp(TpsFitParams { lambda: Some(0.0), pairing: Pairing::Centroid, ..params() }, 2);
+    let own = TpsFitParams { per_channel: true, pairing: Pairing::Centroid, ..params() };
+    let two = warp(TpsFitParams { lambda: Some(0.0), ..own }, 2);
     assert_eq!((two.maps.len(), two.maps[0].report.pairs), (2, 12));
     assert_eq!(two.maps[0].spline, two.maps[1].spline);
     let one = Warp { maps: two.maps[..1].to_vec(), ..two.clone() };
     let out = apply(two, 2, TICKS_PER_SECOND);
     assert!(apply(one.clone(), 2, TICKS_PER_SECOND) == out);
     assert_eq!(out[..3], apply(one, 1, TICKS_PER_SECOND)[..3]);
+}
+
+#[test]
+fn channels_share_one_map_of_the_correspondences_of_both() {
+    // The right channel is 4 softer, and marked at other moments than the left one.
+    let quiet = |[a, b, c]: [f32; 3]| [a - 4.0, b, c];
+    let features = (0..UNITS).flat_map(|unit| [target(unit), quiet(target(unit))]).flatten();
+    let features: Vec<f32> = features.collect();
+    let pair = |t: f64, channel: usize| {
+        format!("(target: {t}, database: {t}, source: 0, duration: 0.1, channel: {channel})")
+    };
+    let fitted = |pairs: Vec<String>, per_channel: bool| {
+        let p = TpsFitParams { lambda: Some(1.0), per_channel, ..params() };
+        let standalone = Standalone::new::<TpsFit>(p)
+            .input(TpsFitPorts::features, Rate::hz(240), format(2), features.clone())
+            .value(TpsFitPorts::database, database())
+            .value(TpsFitPorts::pairs, set(&format!("(pairs: [{}])", pairs.join(","))));
+        standalone.run().unwrap().value(0).unwrap().get::<Warp>().unwrap().clone()
+    };
+    let left = |k: u32| pair(0.3 * f64::from(k), 0);
+    let warp = fitted((0..12).map(left).collect(), false);
+    assert_eq!((warp.maps.len(), warp.maps[0].report.pairs), (1, 12 * 24));
+    let run = Standalone::new::<TpsWarp>(TpsWarpParams {})
+        .input(TpsWarpPorts::features, Rate::hz(240), format(2), features.clone())
+        .value(TpsWarpPorts::warp, warp);
+    let out = run.run().unwrap().stream(TpsWarpPorts::warped);
+    // The planted map stretches levels by 1.2: so is the difference of both channels.
+    let difference = out.chunks_exact(6).map(|unit| f64::from(unit[0] - unit[3])).sum::<f64>() / UNITS as f64;
+    assert!((difference - 4.8).abs() < 0.5, "{difference}");
+    // Correspondences of both channels are in one fit.
+    let either = |k: u32| pair(0.3 * f64::from(k), k as usize % 2);
+    let warp = fitted((0..12).map(either).collect(), false);
+    assert_eq!((warp.maps.len(), warp.maps[0].report.pairs), (1, 12 * 24));
+    let own = fitted((0..12).map(either).collect(), true);
+    assert_eq!(own.maps.iter().map(|map| map.report.pairs).collect::<Vec<_>>(), [6 * 24, 6 * 24]);
 }
 
 #[test]

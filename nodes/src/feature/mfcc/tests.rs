@@ -46,7 +46,7 @@ fn a_shift_by_one_unit_shifts_the_features_by_one() {
 }
 
 #[test]
-fn channels_are_independent_joint_or_shared_with_a_balance() {
+fn channels_are_independent_joint_or_of_their_mean_power() {
     let mono = noise(3, 2000);
     let stereo: Vec<f32> = mono.iter().flat_map(|&x| [x, 0.5 * x]).collect();
     let mode = |name: &str| [("channels", Datum::Name(name.into()))];
@@ -57,11 +57,16 @@ fn channels_are_independent_joint_or_shared_with_a_balance() {
     let left: Vec<f32> =
         independent.stream(MfccPorts::features).chunks(6).flat_map(|item| item[..3].to_vec()).collect();
     assert_eq!(left, independent_mono);
-    assert_eq!(shared.stream(MfccPorts::features).len(), independent_mono.len());
-    let balance = shared.stream(MfccPorts::balance);
-    // The mean of x and x / 2 is 3 x / 4.
-    for frame in balance.chunks(2).skip(1).take(8) {
-        assert!((frame[0] - 4.0 / 3.0).abs() < 1e-4 && (frame[1] - 2.0 / 3.0).abs() < 1e-4, "{frame:?}");
+    // The mean power of x and x / 2 is 5/8 of that of x; a channel of the opposite sign has the same power.
+    let of_shared = shared.stream(MfccPorts::features);
+    let opposite: Vec<f32> = stereo.chunks(2).flat_map(|x| [x[0], -x[1]]).collect();
+    let opposite = standalone(&mode("SharedMid"), 2, opposite).run().unwrap().stream(MfccPorts::features);
+    assert_eq!(of_shared, opposite);
+    assert_eq!(of_shared.len(), independent_mono.len());
+    for (shared, own) in of_shared.chunks(3).zip(independent_mono.chunks(3)).skip(1).take(8) {
+        let level = 3f32.sqrt() * (5.0 / 8.0f32).ln();
+        assert!((shared[0] - own[0] - level).abs() < 1e-3, "{shared:?} {own:?}");
+        assert!((shared[1] - own[1]).abs() < 1e-3 && (shared[2] - own[2]).abs() < 1e-3);
     }
     let shape = |name: &str| {
         standalone(&mode(name), 2, stereo.clone()).shape().unwrap().outputs[0].clone().unwrap().text

@@ -35,7 +35,7 @@ params! {
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), section 4.4. The paper
-    /// adds without weights; equal power preserves the level. The balance and the gate are additions.
+    /// adds without weights; equal power preserves the level. The gate is an addition.
     pub struct UnitConcatenatorParams {
         /// Mix of the sounds at a join.
         blend: Blend = Blend::EqualPower;
@@ -51,8 +51,6 @@ ports! {
             picks: Stream<Picks>,
             /// The database that they are of.
             database: Value<UnitDatabase>,
-            /// Level of every channel per unit, as from `Mfcc` for `SharedMid`; reached on a straight line over a unit.
-            balance: Option<Stream<f32>>,
             /// Sound of the target: the output is muted where it is silent.
             target: Option<Stream<f32>>,
         }
@@ -86,16 +84,8 @@ pub struct UnitConcatenator {
 const MAX_REPEATS: f64 = 0.02;
 
 /// Channels of the output.
-fn channels(format: &PickFormat, balance: Option<Channels>) -> Result<u16, Reject> {
-    let own = format.channels.max(format.conventions.joined as usize) as u16;
-    match balance {
-        Some(Channels(n)) if own == 1 || own == n => Ok(n),
-        Some(Channels(n)) => {
-            let message = format!("`balance` has {n} channels, the picks {own}");
-            Err(Reject::new("F046", message).at("balance"))
-        }
-        None => Ok(own),
-    }
+fn channels(format: &PickFormat) -> u16 {
+    format.channels.max(format.conventions.joined as usize) as u16
 }
 
 impl UnitConcatenator {
@@ -132,19 +122,6 @@ impl UnitConcatenator {
     }
 }
 
-/// Applies levels that move from those of the last unit to those of this one.
-fn balanced(balance: &In<'_, f32>, k: i64, from: usize, unit: usize, out: &mut [f32], width: usize) {
-    let at = (k - balance.first()) as isize;
-    let now = balance.item(at);
-    let before = if k > 0 { balance.item(at - 1) } else { now };
-    for (sample, frame) in (from..).zip(out.chunks_exact_mut(width)) {
-        let along = (sample + 1) as f32 / unit as f32;
-        for ((x, now), before) in frame.iter_mut().zip(now).zip(before) {
-            *x *= before + along * (now - before);
-        }
-    }
-}
-
 impl Node for UnitConcatenator {
     type Params = UnitConcatenatorParams;
     type Ports = UnitConcatenatorPorts;
@@ -161,18 +138,13 @@ impl Node for UnitConcatenator {
         }
         let fast = || Reject::new("F045", format!("units come at {}, too often", picks.rate)).at("picks");
         let rate = picks.rate.times(u64::from(conventions.unit)).ok_or_else(fast)?;
-        let balance = s.optional(UnitConcatenatorPorts::balance);
-        if let Some(balance) = &balance {
-            s.check(same_rate("balance", balance.rate, "`picks`", picks.rate));
-        }
         if let Some(target) = s.optional(UnitConcatenatorPorts::target) {
             s.check(same_rate("target", target.rate, "the sound of `picks`", rate));
         }
         let _ = p;
-        let width = channels(&picks.format, balance.map(|balance| balance.format))?;
+        let width = channels(&picks.format);
         // The current unit began before the window, and is joined to the one before it and the one after.
         s.lookaround(UnitConcatenatorPorts::picks, 2, 1);
-        s.lookaround(UnitConcatenatorPorts::balance, 2, 0);
         s.ends(picks.end);
         s.output(UnitConcatenatorPorts::audio, rate, Channels(width));
         Ok(())
@@ -212,9 +184,6 @@ impl Node for UnitConcatenator {
             let frames = (unit - from).min(out.len() / width);
             let (now, rest) = std::mem::take(&mut out).split_at_mut(frames * width);
             self.unit(&io.picks, k, from, now, width);
-            if let Some(balance) = &io.balance {
-                balanced(balance, k, from, unit, now, width);
-            }
             (at, out) = (at + frames as i64, rest);
         }
         if let (Some(gate), Some(target)) = (&mut self.gate, &io.target) {

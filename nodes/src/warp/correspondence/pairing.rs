@@ -266,26 +266,25 @@ fn time_warp(a: &[&[f32]], b: &[&[f32]], d: usize) -> Vec<(usize, usize)> {
     path
 }
 
-/// Pairs of feature vectors for one vector (channel) of the target, each with its correspondence.
+/// Pairs of feature vectors, each with its correspondence.
 ///
 /// # Shapes
 /// `features: [units, vectors, d]` of the target.
 #[must_use]
 pub fn pairs(
     intervals: &[Interval],
-    vector: usize,
     pairing: Pairing,
     set: &CorrespondenceSet,
     (features, vectors): (&[f32], usize),
     db: &UnitDatabase,
 ) -> Vec<(usize, Pair)> {
     let d = db.dims();
-    let target = |unit: usize| {
-        let at = (unit * vectors + vector) * d;
-        features.get(at..at + d).unwrap_or_default()
-    };
     let mut all = Vec::new();
-    for interval in intervals.iter().filter(|s| s.vector == vector) {
+    for interval in intervals {
+        let target = |unit: usize| {
+            let at = (unit * vectors + interval.vector) * d;
+            features.get(at..at + d).unwrap_or_default()
+        };
         let weight = set.pairs.get(interval.correspondence).map_or(1.0, |c| c.weight);
         let from: Vec<&[f32]> = interval.target.clone().map(target).collect();
         let to: Vec<&[f32]> = interval.database.clone().map(|unit| db.feature(unit)).collect();
@@ -430,7 +429,7 @@ mod tests {
         let all = intervals(&set, target, &db).unwrap();
         assert_eq!((all[0].target.len(), all[0].database.clone()), (12, 1..12));
         let features: Vec<f32> = (0..480 * 3).map(|k| (k / 3) as f32).collect();
-        let of = |pairing| pairs(&all, 0, pairing, &set, (&features, 1), &db);
+        let of = |pairing| pairs(&all, pairing, &set, (&features, 1), &db);
         let in_order = of(Pairing::InOrder);
         assert_eq!((in_order.len(), in_order[3].1.from[0], in_order[3].1.to[1]), (11, 3.0, 13.0));
         assert_eq!(in_order[0].1.weight, 2.0);

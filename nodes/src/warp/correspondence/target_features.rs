@@ -90,8 +90,8 @@ impl TargetFeatures {
         self.features.extend(items.iter().take(left));
     }
 
-    /// The pairs of every vector, each with its correspondence.
-    pub fn pairs(&self, pairing: Pairing) -> Result<Vec<Vec<(usize, Pair)>>, Fault> {
+    /// The pairs of all vectors in one list, or with `per_channel` in one list for each vector; each pair with its correspondence.
+    pub fn pairs(&self, pairing: Pairing, per_channel: bool) -> Result<Vec<Vec<(usize, Pair)>>, Fault> {
         let (vectors, d) = (self.format.vectors, self.format.dims().max(1));
         if let Some(bad) = self.features.iter().position(|x| !x.is_finite()) {
             let message =
@@ -101,9 +101,14 @@ impl TargetFeatures {
         let units = self.features.len() / (vectors * d).max(1);
         let target = Target { units, vectors, rate: self.rate };
         let found = check(&self.pairs, target, &self.format, &self.database)?;
-        let of =
-            |vector| pairs(&found, vector, pairing, &self.pairs, (&self.features, vectors), &self.database);
-        Ok((0..vectors).map(of).collect())
+        let of = |intervals: &[Interval]| {
+            pairs(intervals, pairing, &self.pairs, (&self.features, vectors), &self.database)
+        };
+        if !per_channel {
+            return Ok(vec![of(&found)]);
+        }
+        let own = |vector| found.iter().filter(|s| s.vector == vector).cloned().collect::<Vec<_>>();
+        Ok((0..vectors).map(|vector| of(&own(vector))).collect())
     }
 
     /// Length of the target, s.

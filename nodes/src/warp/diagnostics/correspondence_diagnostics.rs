@@ -48,6 +48,8 @@ params! {
         scale_free: bool = false;
         /// Pairing of the units of both sides.
         pairing: Pairing = Pairing::InOrder;
+        /// One warp for each channel, as in `TpsFit`.
+        per_channel: bool = false;
         /// Distance of features that counts as alike, as in the selection of units: pairs that start nearer and lead three times
         /// farther apart contradict each other.
         d_max: f64 = 2.0, unit "", range 0.0..=1e6;
@@ -198,7 +200,7 @@ impl Node for CorrespondenceDiagnostics {
     type Params = CorrespondenceDiagnosticsParams;
     type Ports = CorrespondenceDiagnosticsPorts;
     const NAME: &'static str = "CorrespondenceDiagnostics";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const CLASS: Class = Class::Offline;
 
     fn shape(
@@ -229,8 +231,9 @@ impl Node for CorrespondenceDiagnostics {
     }
 
     fn finish(&mut self, mut io: CorrespondenceDiagnosticsIo<'_>) -> Result<Summary, Fault> {
-        let all = self.target.pairs(self.params.pairing)?;
-        let found = all.iter().enumerate().map(|(vector, pairs)| self.channel(vector, pairs));
+        let all = self.target.pairs(self.params.pairing, self.params.per_channel)?;
+        let of = |vector: usize| all.get(vector).or(all.first()).map_or(&[][..], Vec::as_slice);
+        let found = (0..self.target.format.vectors).map(|vector| self.channel(vector, of(vector)));
         let (channels, comparisons): (Vec<_>, Vec<_>) =
             found.collect::<Result<Vec<_>, Fault>>()?.into_iter().unzip();
         let suspect = comparisons.into_iter().flatten().max_by(|a, b| a.score.total_cmp(&b.score));

@@ -29,6 +29,11 @@ params! {
     /// features: 0 passes through every pair, 1e5 is almost a shift, turn and stretch, and None takes the one of least generalised
     /// cross-validation. The paper's cotton has 1e2, its polyester and windbreaker 1e5, its corduroy 0.
     ///
+    /// Features of several channels are fitted by one warp, from the correspondences of all channels: equal features have equal units,
+    /// whichever the channel. A correspondence that is marked in one channel serves all. One of all channels with a recording of one channel leads
+    /// all of them to the same moment, which reduces the level differences between them: `InterauralCues` restores these. `per_channel` fits
+    /// each channel from its own correspondences.
+    ///
     /// The summary states the degrees of freedom (between the dimensions plus one and the number of nodes), the residual at the
     /// nodes, the share of the target where the warp folds over, `mirrored` if it mirrors most of the target (common with few
     /// correspondences; a mirror alone folds nothing), and the share outside of twice the radius of the nodes, where the warp
@@ -46,6 +51,8 @@ params! {
         scale_free: bool = false;
         /// Pairing of the units of both sides.
         pairing: Pairing = Pairing::InOrder;
+        /// Fit one warp for each channel, from the correspondences of that channel.
+        per_channel: bool = false;
     }
 }
 ports! {
@@ -76,7 +83,7 @@ impl Node for TpsFit {
     type Params = TpsFitParams;
     type Ports = TpsFitPorts;
     const NAME: &'static str = "TpsFit";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const CLASS: Class = Class::Offline;
 
     fn shape(_: &TpsFitParams, s: &mut Shape<'_, '_, TpsFitPorts>) -> Result<(), Reject> {
@@ -118,14 +125,16 @@ impl TpsFit {
         let stiffness = Stiffness::of(self.params.lambda, self.params.scale_free);
         let map = |(vector, pairs): (usize, Vec<_>)| {
             let pairs: Vec<Pair> = pairs.into_iter().map(|(_, pair)| pair).collect();
-            WarpMap::fit(&pairs, d, stiffness, &target.vector(vector), &target.database.features)
+            let own = self.params.per_channel.then(|| target.vector(vector));
+            let features = own.as_ref().unwrap_or(&target.features);
+            WarpMap::fit(&pairs, d, stiffness, features, &target.database.features)
                 .map_err(|e| Fault::new("F111", e.to_string()).at("pairs"))
         };
         Ok(Warp {
             version: WARP_VERSION,
             conventions: target.database.conventions.clone(),
             maps: target
-                .pairs(self.params.pairing)?
+                .pairs(self.params.pairing, self.params.per_channel)?
                 .into_iter()
                 .enumerate()
                 .map(map)
