@@ -1,4 +1,4 @@
-//! Every preset of a material plays a cloth from end to end: those of table 2 of the paper for a first animation make a warp, those for
+//! Every preset of a material plays a cloth from end to end: those of tables 1 and 3 of the paper for a first animation make a warp, those for
 //! another one take it over.
 
 use crate::common;
@@ -101,7 +101,7 @@ fn every_preset_plays_a_cloth() {
     }
 }
 
-/// A row of table 2: radius, threshold, factor and power of the speed; energies of events and of extracted samples, the latter a sum over
+/// A row of tables 1 and 3: radius, threshold, factor and power of the speed; energies of events and of extracted samples, the latter a sum over
 /// 1920 samples; length of a unit, d_max, L, widths, and lambda where the warp is fitted.
 struct Row {
     preset: &'static str,
