@@ -1,13 +1,13 @@
 //! The likeness of several sounds in one table, as a value node.
 
 use super::report::Likeness;
-use crate::core::fault::{Fault, Reject};
+use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
 use crate::core::params::Text;
 use crate::core::ports::{Many, Value};
 use crate::core::random::Rng;
-use crate::core::shape::{Build, Shape};
+use crate::core::shape::Build;
 use crate::table::{Cell, ResultTable};
 use crate::unit::SelectionReport;
 use crate::{params, ports};
@@ -20,8 +20,8 @@ params! {
     /// (level spread and kurtosis; all) within the range of the recordings. `missed` names what misses its aim: repeats at most
     /// 1 %, lines at most 1.5 dB, joins at most 1 dB, level spread and kurtosis within the range.
     pub struct LikenessTableParams {
-        /// Name of each sound, in the order of `reports`.
-        names: Vec<Text>;
+        /// Name of each sound, in the order of `reports`; those without one are numbered.
+        names: Vec<Text> = Vec::new();
     }
 }
 ports! {
@@ -29,7 +29,7 @@ ports! {
         in {
             /// Likeness of each sound.
             reports: Many<Value<Likeness>>,
-            /// Selection of the units of each sound, as many as `reports`, or none.
+            /// Selection of the units of each sound, in the order of `reports`.
             selections: Many<Value<SelectionReport>>,
         }
         out {
@@ -104,37 +104,26 @@ impl Func for LikenessTable {
     type Ports = LikenessTablePorts;
     const NAME: &'static str = "LikenessTable";
 
-    fn check(p: &LikenessTableParams, s: &mut Shape<'_, '_, LikenessTablePorts>) -> Result<(), Reject> {
-        if p.names.is_empty() {
-            s.wrong(
-                Reject::new("F051", "there is no name").at("names").help("give one for each of `reports`"),
-            );
-        }
-        Ok(())
-    }
-
     fn eval(p: &LikenessTableParams, _: &Build<'_>, mut io: LikenessTableIo<'_>) -> Result<Summary, Fault> {
         let reports: Vec<&Likeness> = io.reports.iter().collect();
         let selections: Vec<&SelectionReport> = io.selections.iter().collect();
-        if p.names.len() != reports.len() {
+        if p.names.len() > reports.len() {
             let message = format!("{} names for {} reports", p.names.len(), reports.len());
-            return Err(Fault::new("F051", message).at("names").help("give one for each"));
+            return Err(Fault::new("F051", message).at("names").help("link a report for each"));
         }
-        if !selections.is_empty() && selections.len() != reports.len() {
-            let message = format!("{} selections for {} reports", selections.len(), reports.len());
-            return Err(Fault::new("F051", message).at("selections").help("link one for each, or none"));
-        }
-        let rows = p.names.iter().zip(&reports).enumerate();
-        let table = likeness_table(
-            rows.map(|(k, (name, likeness))| (name.0.as_str(), *likeness, selections.get(k).copied())),
-        );
+        let numbered: Vec<String> = (1..=reports.len()).map(|k| format!("sound {k}")).collect();
+        let rows = reports.iter().zip(&numbered).enumerate();
+        let table = likeness_table(rows.map(|(k, (likeness, number))| {
+            let name = p.names.get(k).map_or(number.as_str(), |name| name.0.as_str());
+            (name, *likeness, selections.get(k).copied())
+        }));
         let summary = vec![("sounds", reports.len().into())];
         io.table.set(table);
         Ok(summary)
     }
 
     fn trial(_: &mut Rng) -> (LikenessTableParams, MemoryFiles) {
-        (LikenessTableParams { names: vec!["a".into()] }, MemoryFiles::default())
+        (LikenessTableParams { names: Vec::new() }, MemoryFiles::default())
     }
 }
 

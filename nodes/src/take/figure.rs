@@ -6,6 +6,8 @@ use crate::plot::{Axis, Line, Span, chart, colour, grid, with_spans};
 
 /// Most recordings that are drawn.
 const DRAWN: usize = 24;
+/// Most takes of a recording that are numbered.
+const NUMBERED: usize = 40;
 /// Points of a level curve.
 const POINTS: usize = 600;
 
@@ -40,7 +42,7 @@ fn one(recording: &CutRecording, rate: f64) -> String {
         .enumerate()
         .map(|(k, take)| Span {
             range: [take.start, take.end].map(|sample| sample as f64 / rate),
-            label: (count <= 40).then(|| format!("{}", k + 1)).unwrap_or_default(),
+            label: if count <= NUMBERED { format!("{}", k + 1) } else { String::new() },
             colour: colour(2, 3),
             is_full: true,
         })
