@@ -72,9 +72,9 @@ fn every_preset_plays_a_cloth() {
     fs::write(
         dir.path().join("marked.correspondences.ron"),
         "Correspondences(pairs: [
-            (target: 0.85, source: 3, database: 0.45, duration: 0.1),
-            (target: 0.65, source: 0, database: 0.0, duration: 0.1),
-            (target: 0.35, source: 2, database: 0.1, duration: 0.1),
+            (target: 0.85, source: 0, database: 0.85, duration: 0.1),
+            (target: 0.65, source: 0, database: 1.0, duration: 0.1),
+            (target: 0.35, source: 0, database: 1.2, duration: 0.1),
         ])",
     )
     .unwrap();
@@ -102,45 +102,45 @@ fn every_preset_plays_a_cloth() {
 }
 
 /// A row of tables 1 and 3: radius, threshold, factor and power of the speed; energies of events and of extracted samples, the latter a sum over
-/// 1920 samples; length of a unit, d_max, L, widths, and lambda where the warp is fitted.
+/// 1920 samples; length of a unit, d_max, widths, and lambda where the warp is fitted.
 struct Row {
     preset: &'static str,
     contact: [f64; 2],
     map: [f64; 2],
     energies: Option<[f64; 2]>,
     unit: &'static str,
-    select: [f64; 2],
+    d_max: f64,
     widths: [f64; 3],
     lambda: Option<f64>,
 }
 
-fn table_2() -> Vec<Row> {
-    let row = |preset, contact, map, energies, unit, select, widths, lambda| Row {
+fn tables_1_and_3() -> Vec<Row> {
+    let row = |preset, contact, map, energies, unit, d_max, widths, lambda| Row {
         preset,
         contact,
         map,
         energies,
         unit,
-        select,
+        d_max,
         widths,
         lambda,
     };
     let (plain, slow) = ([1.0, 1.0], [0.25, 1.5]);
     let (short, long) = ("1/240", "1/60");
-    let near = [2.0, 5.0];
+    let near = 2.0;
     let [simulated, boxing, jogging] = [98_902.0, 172_875.0, 906_402.0].map(|energy| Some([energy, 0.025]));
     let (cotton, polyester, others) = ([20.0, 50.0, 10.0], [10.0, 50.0, 20.0], [20.0, 30.0, 10.0]);
     vec![
-        row("cotton", [0.05, 0.02], plain, Some([4878.0, 0.5]), short, [2.0, 5.0], cotton, Some(1e2)),
-        row("cotton_known", [0.2, 0.02], plain, Some([4878.0, 0.5]), short, [2.0, 5.0], cotton, None),
-        row("polyester", [0.05, 0.02], plain, Some([528.0, 0.25]), short, [2.0, 10.0], polyester, Some(1e5)),
-        row("polyester_known", [0.2, 0.02], plain, Some([528.0, 0.25]), short, [2.0, 10.0], polyester, None),
+        row("cotton", [0.05, 0.02], plain, Some([4878.0, 0.5]), short, near, cotton, Some(1e2)),
+        row("cotton_known", [0.2, 0.02], plain, Some([4878.0, 0.5]), short, near, cotton, None),
+        row("polyester", [0.05, 0.02], plain, Some([528.0, 0.25]), short, near, polyester, Some(1e5)),
+        row("polyester_known", [0.2, 0.02], plain, Some([528.0, 0.25]), short, near, polyester, None),
         row("windbreaker", [0.05, 0.0], slow, simulated, short, near, others, Some(1e5)),
         row("windbreaker_boxing", [0.05, 1.0], slow, boxing, short, near, others, None),
         row("windbreaker_jogging", [0.05, 0.0], slow, jogging, short, near, others, None),
         row("windbreaker_first_person", [0.05, 1.0], slow, boxing, short, near, others, Some(1e5)),
-        row("corduroy", [0.05, 2.0], plain, None, long, [3.0, 10.0], others, Some(0.0)),
-        row("corduroy_known", [0.05, 1.0], plain, None, long, [3.0, 10.0], others, None),
+        row("corduroy", [0.05, 2.0], plain, None, long, 3.0, others, Some(0.0)),
+        row("corduroy_known", [0.05, 1.0], plain, None, long, 3.0, others, None),
     ]
 }
 
@@ -166,8 +166,8 @@ fn numbers(datum: &Datum) -> Vec<f64> {
 }
 
 #[test]
-fn presets_hold_the_values_of_table_2_where_their_nodes_read_them() {
-    let table = table_2();
+fn presets_hold_the_values_of_tables_1_and_3_where_their_nodes_read_them() {
+    let table = tables_1_and_3();
     let rows: Vec<&str> = table.iter().map(|row| row.preset).collect();
     assert!(presets().iter().all(|name| rows.contains(&name.as_str())), "a preset without a row");
     let assets = graphs().join("assets/cloth").display().to_string();
@@ -215,11 +215,9 @@ fn presets_hold_the_values_of_table_2_where_their_nodes_read_them() {
         for ty in ["TemporalGaussian", "UnitDatabase"] {
             is(ty, "widths", &row.widths);
         }
-        is("UnitSelector", "d_max", &row.select[..1]);
-        is("UnitSelector", "look", &row.select[1..]);
-        is("UnitSelector", "cool_off", &[20.0]);
-        // Not in the table, and off by default.
-        is("UnitSelector", "loop_guard", &[0.5]);
+        is("GlobalUnitSelector", "d_max", &[row.d_max]);
+        // Not in the tables.
+        is("GlobalUnitSelector", "loop_guard", &[0.5]);
         match row.lambda {
             Some(lambda) => is("TpsFit", "lambda", &[lambda]),
             None => assert!(number("TpsFit", "lambda").is_none(), "{name} takes over a warp"),
