@@ -129,6 +129,8 @@ fn windows(p: &TransientTransferParams, rate: f64) -> [usize; 2] {
 pub struct TransientTransfer {
     sound: Vec<Crest>,
     target: Vec<Crest>,
+    /// Crests of the channels of the target, of one sample.
+    wanted: Vec<f64>,
     limit: f64,
     /// Mean square of the gain in dB, over all samples.
     square: f64,
@@ -174,6 +176,7 @@ impl Node for TransientTransfer {
         Ok(Self {
             sound: crests(audio.format.0),
             target: crests(target),
+            wanted: vec![0.0; target.into()],
             limit: 10f64.powf(p.limit / 10.0),
             square: 0.0,
             samples: 0,
@@ -183,13 +186,12 @@ impl Node for TransientTransfer {
     fn run(&mut self, mut io: TransientTransferIo<'_>) -> Result<(), Fault> {
         let (first, width) = (io.out.first(), io.out.width().max(1));
         let (audio, target) = (&io.audio, &io.target);
-        let mut crests = vec![0.0; self.target.len()];
         for (n, frame) in (first..).zip(io.out.items().chunks_exact_mut(width)) {
-            for (c, (crest, state)) in crests.iter_mut().zip(&mut self.target).enumerate() {
+            for (c, (crest, state)) in self.wanted.iter_mut().zip(&mut self.target).enumerate() {
                 *crest = state.at(n, |k| sample(target, c, k));
             }
             for (c, (out, state)) in frame.iter_mut().zip(&mut self.sound).enumerate() {
-                let wanted = crests.get(c).or(crests.first()).copied().unwrap_or(1.0);
+                let wanted = self.wanted.get(c).or(self.wanted.first()).copied().unwrap_or(1.0);
                 let ratio = wanted / state.at(n, |k| sample(audio, c, k));
                 let gain = ratio.clamp(1.0 / self.limit, self.limit);
                 *out = (f64::from(sample(audio, c, n)) * gain.sqrt()) as f32;
