@@ -34,9 +34,9 @@ fn follows(target: &Path, sound: &Path) -> (f64, f64, usize) {
 fn what_is_put_together_from_recordings_is_as_loud_as_its_target_asks() {
     // Graph, its target, what it writes, least correlation, usual slope. One second of trousers hardly changes its level.
     let cases = [
-        ("sheet", "cotton.target.sound.out", "sheet.wav", 0.93, 1.06),
-        ("couch", "cotton.target.sound.out", "couch.wav", 0.93, 1.29),
-        ("live", "target.out", "live.wav", 0.8, 1.08),
+        ("sheet", "cotton.target.sound.out", "sheet.wav", 0.93, 1.05),
+        ("couch", "cotton.target.sound.out", "couch.wav", 0.93, 1.31),
+        ("live", "target.out", "live.wav", 0.76, 1.05),
         ("first_person", "ears.sound.out", "first_person.wav", 0.91, 1.47),
         ("windbreaker", "windbreaker.target.sound.out", "windbreaker.wav", 0.92, 0.8),
         ("two_materials", "target.out", "two_materials.wav", 0.79, 1.04),

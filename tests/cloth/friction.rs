@@ -86,7 +86,7 @@ fn the_level_of_friction_follows_the_sliding_speed() {
     let backwards: Vec<f64> = heard.iter().rev().copied().collect();
     let none = rank_correlation(&slid, &backwards);
     println!("level against speed: {in_time:.3}, {late:.3} a tenth of a second late, {none:.3} backwards");
-    assert!(in_time > 0.94 && late < in_time - 0.01 && none < 0.3, "{in_time} {late} {none}");
+    assert!(in_time > 0.92 && late < in_time - 0.01 && none < 0.3, "{in_time} {late} {none}");
 }
 
 #[test]

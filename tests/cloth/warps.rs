@@ -25,7 +25,7 @@ fn stored_correspondences_are_those_that_are_suggested() {
     let out = tempfile::tempdir().unwrap();
     run(out.path(), "cloth/suggest.ron", &[]);
     run(out.path(), "cloth/suggest_more.ron", &[]);
-    for name in ["sheet", "windbreaker", "corduroy", "itself", "folds"] {
+    for name in ["sheet", "windbreaker", "corduroy", "itself", "cover", "folds"] {
         let name = format!("{name}.correspondences.ron");
         let read = |bytes: Vec<u8>| -> CorrespondenceSet {
             let mut set = read_correspondences(std::str::from_utf8(&bytes).unwrap()).unwrap();
