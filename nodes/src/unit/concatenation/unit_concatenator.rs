@@ -165,7 +165,7 @@ impl Node for UnitConcatenator {
             short: picks.end.is_some_and(|end| end < picks.rate.tick(1)),
             known: None,
             joins: vec![Default::default(); audio.format.0.into()],
-            repeats: vec![RepeatCounter::new(picks.rate.as_f64()); picks.format.channels],
+            repeats: (0..picks.format.channels).map(|_| RepeatCounter::new(picks.rate.as_f64())).collect(),
             outside: 0,
             muted_samples: 0,
             db,
