@@ -28,7 +28,7 @@ pub struct ActiveSound {
 }
 
 /// A power in dB; a power of 0 is -200 dB.
-pub(super) fn power_db(power: f64) -> f64 {
+pub(crate) fn power_db(power: f64) -> f64 {
     10.0 * power.max(1e-20).log10()
 }
 

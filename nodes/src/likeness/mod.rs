@@ -18,6 +18,7 @@ mod statistics;
 mod takes;
 
 pub use active::ActiveSound;
+pub(crate) use active::power_db;
 pub use bands::{Band, Moments, band_energies, octaves, third_octaves};
 pub use comparison::{LikenessRules, compare};
 pub use envelope_lines::{EnvelopeSpectrum, HarmonicLine};

@@ -3,6 +3,8 @@
 use std::ops::Range;
 
 use crate::crumple::bank::extraction::windowed_energy;
+use crate::likeness::power_db;
+use crate::material::statistics::quantile;
 
 /// Parameters of the gate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +44,8 @@ impl Default for TakeRules {
 
 /// Share of a recording that is no louder than its noise floor.
 pub const FLOOR_SHARE: f64 = 0.03;
+/// Share of a recording that is softer than its loudest twentieth.
+const LOUDEST: f64 = 0.95;
 /// Level of digital silence, dB: it is no noise floor.
 pub const DIGITAL_SILENCE: f64 = -120.0;
 /// Time from one level to the next, s.
@@ -71,14 +75,14 @@ pub(super) fn levels(channels: &[Vec<f32>], window: usize, hop: usize) -> Vec<f6
         sums.iter_mut().zip(energies.iter().step_by(hop)).for_each(|(sum, e)| *sum += e);
     }
     let samples = (window * channels.len()).max(1) as f64;
-    sums.into_iter().map(|sum| 10.0 * (sum / samples + 1e-20).log10()).collect()
+    sums.into_iter().map(|sum| power_db(sum / samples)).collect()
 }
 
-/// The level that a share of the levels is below.
-fn quantile(levels: &[f64], share: f64) -> Option<f64> {
-    let mut sorted: Vec<f64> = levels.iter().copied().filter(|level| *level > DIGITAL_SILENCE).collect();
+/// Levels above digital silence, sorted; `None` if there is none.
+fn audible(levels: impl Iterator<Item = f64>) -> Option<Vec<f64>> {
+    let mut sorted: Vec<f64> = levels.filter(|level| *level > DIGITAL_SILENCE).collect();
     sorted.sort_unstable_by(f64::total_cmp);
-    sorted.get((share * sorted.len().saturating_sub(1) as f64).round() as usize).copied()
+    (!sorted.is_empty()).then_some(sorted)
 }
 
 /// The level of the loudest twentieth of the takes of a recording, dB of full scale; `None` if they are silent.
@@ -86,8 +90,8 @@ fn quantile(levels: &[f64], share: f64) -> Option<f64> {
 pub fn loudest_level(channels: &[Vec<f32>], takes: &[Range<usize>], fs: f64, window: f64) -> Option<f64> {
     let (window, hop) = (samples(window, fs).max(1), samples(HOP, fs).max(1));
     let levels = levels(channels, window, hop);
-    let kept = takes.iter().flat_map(|take| levels.get(take.start.div_ceil(hop)..take.end.div_ceil(hop)));
-    quantile(&kept.flatten().copied().collect::<Vec<_>>(), 0.95)
+    let inside = takes.iter().flat_map(|take| levels.get(take.start.div_ceil(hop)..take.end.div_ceil(hop)));
+    Some(quantile(&audible(inside.flatten().copied())?, LOUDEST))
 }
 
 fn samples(seconds: f64, fs: f64) -> usize {
@@ -106,10 +110,10 @@ pub fn cut(channels: &[Vec<f32>], fs: f64, rules: &TakeRules) -> Cutting {
     let n = channels.iter().map(Vec::len).min().unwrap_or(0);
     let hop = samples(HOP, fs).max(1);
     let levels = levels(channels, samples(rules.window, fs).max(1), hop);
-    let found = quantile(&levels, FLOOR_SHARE).zip(quantile(&levels, 0.95));
-    let Some((quietest, loudest)) = found else { return Cutting::default() };
-    let floor = rules.floor.unwrap_or(quietest);
-    let mut cutting = Cutting { floor: Some(floor), spread: loudest - floor, ..Cutting::default() };
+    let Some(sorted) = audible(levels.iter().copied()) else { return Cutting::default() };
+    let floor = rules.floor.unwrap_or_else(|| quantile(&sorted, FLOOR_SHARE));
+    let spread = quantile(&sorted, LOUDEST) - floor;
+    let mut cutting = Cutting { floor: Some(floor), spread, ..Cutting::default() };
     let hold = (samples(rules.hold, fs) / hop).max(1);
     let (lead, tail) = (samples(rules.lead, fs), samples(rules.tail, fs));
     let mut open: Option<usize> = None;

@@ -14,12 +14,12 @@ const POINTS: usize = 600;
 /// One chart per recording, two in a row: its level, its noise floor and its takes.
 pub(super) fn draw(takes: &Takes) -> Option<String> {
     let drawn = takes.recordings.iter().filter(|recording| !recording.is_empty()).take(DRAWN);
-    let charts: Vec<String> = drawn.map(|recording| one(recording, takes.rate)).collect();
+    let charts: Vec<String> = drawn.map(|recording| one(recording, takes.rate.as_f64())).collect();
     (!charts.is_empty()).then(|| grid(&charts, 2))
 }
 
 fn one(recording: &CutRecording, rate: f64) -> String {
-    let (n, kept) = (recording.len(), recording.kept());
+    let (n, inside) = (recording.len(), recording.samples_in_takes());
     let step = n.div_ceil(POINTS).max(1);
     let level = |(k, level): (usize, f64)| [(k * step) as f64 / rate, level.max(DIGITAL_SILENCE)];
     let points: Vec<[f64; 2]> =
@@ -34,7 +34,7 @@ fn one(recording: &CutRecording, rate: f64) -> String {
     let y = Axis::over("level, dB of full scale", values, false);
     let name = recording.source.provenance.rsplit(['/', '\\']).next().unwrap_or_default();
     let title =
-        format!("{name}: {} takes, {:.2} of {seconds:.2} s", recording.takes.len(), kept as f64 / rate);
+        format!("{name}: {} takes, {:.2} of {seconds:.2} s", recording.takes.len(), inside as f64 / rate);
     let count = recording.takes.len();
     let spans: Vec<Span> = recording
         .takes

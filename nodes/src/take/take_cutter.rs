@@ -13,12 +13,13 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
-use crate::dsp::{Band, Butterworth, Cascade};
+use crate::dsp::{Band, Butterworth};
 use crate::io::manifest::ManifestEntry;
 use crate::io::{
     ListedRecording, MaxLength, RecordingList, RecordingParam, Whole, recording_warnings, trial_wav,
 };
 use crate::unit::UnitSource;
+use crate::unit::database::builder::clean;
 use crate::{params, ports};
 
 params! {
@@ -113,17 +114,6 @@ fn rules(p: &TakeCutterParams) -> TakeRules {
     TakeRules { floor, open, close, hold, window, lead, tail, min_len }
 }
 
-/// Removes the mean and what lies below the cut-off.
-fn clean(channels: &mut [Vec<f32>], design: Option<&Butterworth>) {
-    channels.par_iter_mut().for_each(|x| {
-        let mean = x.iter().map(|&x| f64::from(x)).sum::<f64>() / x.len().max(1) as f64;
-        x.iter_mut().for_each(|x| *x = (f64::from(*x) - mean) as f32);
-        if let Some(design) = design {
-            Cascade::new(design, 1).process(x);
-        }
-    });
-}
-
 /// Reads and cuts one recording; what was dropped of it and what is wrong with it is in the summary.
 fn read(
     p: &TakeCutterParams,
@@ -141,13 +131,13 @@ fn read(
         warn(format!("{clipped} samples are clipped"));
     }
     drop(samples);
-    clean(&mut channels, design);
+    channels.par_iter_mut().for_each(|x| *x = clean(x, design, 0));
     let fs = p.rate.as_f64();
     let found = cut(&channels, fs, &rules(p));
     match found.floor {
         None => warn("it is silent and is dropped".into()),
         Some(_) if found.steady => warn(format!(
-            "its level varies by {:.1} dB only, so it is steady noise or one steady sound, and is kept as a whole; leave it out if \
+            "its level varies by {:.1} dB only, so it is steady noise or one steady sound, and is one take; leave it out if \
              it is the noise of a room",
             found.spread
         )),
@@ -163,7 +153,7 @@ fn read(
         channels.iter_mut().flatten().for_each(|x| *x = (f64::from(*x) * gain) as f32);
     }
     if found.takes.is_empty() {
-        // It stays as a source without sound, so that recordings keep their numbers.
+        // It stays as a source without sound, so that the numbers of recordings stay.
         channels.iter_mut().for_each(Vec::clear);
     }
     let own = |own: &String, all: &Text| if own.is_empty() { all.0.clone() } else { own.clone() };
@@ -243,7 +233,7 @@ impl Func for TakeCutter {
             recordings.push(recording);
         }
         let fs = p.rate.as_f64();
-        let takes = Takes { rate: fs, recordings };
+        let takes = Takes { rate: p.rate, recordings };
         if takes.count() == 0 {
             let message = "no recording has a take: all are silent, or shorter than `min_len`";
             return Err(Fault::new("F101", message)
@@ -251,12 +241,12 @@ impl Func for TakeCutter {
                 .help("give louder or longer recordings"));
         }
         let total: usize = takes.recordings.iter().map(CutRecording::len).sum();
-        let kept: usize = takes.recordings.iter().map(CutRecording::kept).sum();
+        let inside: usize = takes.recordings.iter().map(CutRecording::samples_in_takes).sum();
         let mut summary: Summary = vec![
             ("recordings", takes.recordings.len().into()),
             ("takes", takes.count().into()),
-            ("seconds", (kept as f64 / fs).into()),
-            ("kept_share", (kept as f64 / total.max(1) as f64).into()),
+            ("seconds", (inside as f64 / fs).into()),
+            ("share_in_takes", (inside as f64 / total.max(1) as f64).into()),
             ("short_takes", (short as usize).into()),
         ];
         summary.extend(warnings);

@@ -8,7 +8,7 @@ use super::figure;
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use crate::core::time::Rate;
-use crate::dsp::{Quality, Resampler};
+use crate::dsp::{DspError, Quality, Resampler};
 use crate::unit::UnitSource;
 
 /// A recording with its takes.
@@ -41,7 +41,7 @@ impl CutRecording {
 
     /// Number of samples in takes.
     #[must_use]
-    pub fn kept(&self) -> usize {
+    pub fn samples_in_takes(&self) -> usize {
         self.takes.iter().map(ExactSizeIterator::len).sum()
     }
 
@@ -62,8 +62,8 @@ impl CutRecording {
 /// Recordings at one rate, with their takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Takes {
-    /// Sample rate, Hz.
-    pub rate: f64,
+    /// Sample rate.
+    pub rate: Rate,
     /// The recordings.
     pub recordings: Vec<CutRecording>,
 }
@@ -73,25 +73,22 @@ impl Takes {
     ///
     /// # Errors
     /// A rate that cannot be reached.
-    pub fn at_rate(&self, rate: Rate) -> Result<Cow<'_, Self>, String> {
-        let from = Rate::new(self.rate as u64, 1).filter(|rate| rate.as_f64() == self.rate);
-        let from =
-            from.ok_or_else(|| format!("takes at {} Hz; a whole number of hertz is needed", self.rate))?;
-        if from == rate {
+    pub fn at_rate(&self, rate: Rate) -> Result<Cow<'_, Self>, DspError> {
+        if self.rate == rate {
             return Ok(Cow::Borrowed(self));
         }
-        let resampler = Resampler::new(from, rate, Quality::High).map_err(|e| e.to_string())?;
-        let factor = rate.as_f64() / self.rate;
+        let resampler = Resampler::new(self.rate, rate, Quality::High)?;
+        let factor = rate.as_f64() / self.rate.as_f64();
         let mut recordings = self.recordings.clone();
         for recording in &mut recordings {
             for channel in &mut recording.channels {
-                *channel = resampler.whole(channel).map_err(|e| e.to_string())?;
+                *channel = resampler.whole(channel)?;
             }
             let length = recording.len();
             let at = |sample: usize| ((sample as f64 * factor).round() as usize).min(length);
             recording.takes.iter_mut().for_each(|take| *take = at(take.start)..at(take.end));
         }
-        Ok(Cow::Owned(Self { rate: rate.as_f64(), recordings }))
+        Ok(Cow::Owned(Self { rate, recordings }))
     }
 
     /// Number of takes of all recordings.
@@ -116,7 +113,7 @@ impl Data for Takes {
                 gain: 1.0,
             }
         };
-        Self { rate: 8000.0, recordings: (0..2).map(&mut recording).collect() }
+        Self { rate: Rate::hz(8000), recordings: (0..2).map(&mut recording).collect() }
     }
 
     /// Draws the takes in the levels of their recordings.

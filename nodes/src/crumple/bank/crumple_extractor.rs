@@ -176,7 +176,7 @@ impl Func for CrumpleExtractor {
         let mut recordings =
             p.recordings.iter().map(|path| Recording::read(p, cx, &path.0)).collect::<Result<Vec<_>, _>>()?;
         if let Some(takes) = &io.takes {
-            let takes = takes.at_rate(p.rate).map_err(|e| Fault::new("F077", e).at("takes"))?;
+            let takes = takes.at_rate(p.rate).map_err(|e| Fault::new("F077", e.to_string()).at("takes"))?;
             recordings.extend(takes.recordings.iter().map(|recording| Recording::of_takes(recording, fs)));
         }
         let window = ((params.window * fs).round() as usize).max(1);

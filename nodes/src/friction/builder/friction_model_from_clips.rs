@@ -133,7 +133,7 @@ impl Func for FrictionModelFromClips {
         if let Some(takes) = &io.takes {
             for recording in takes.recordings.iter().filter(|recording| !recording.takes.is_empty()) {
                 let UnitSource { provenance, licence, .. } = recording.source.clone();
-                sources.push((recording.gated_mono(), takes.rate, Source { provenance, licence }));
+                sources.push((recording.gated_mono(), takes.rate.as_f64(), Source { provenance, licence }));
             }
         }
         let recordings: Vec<Recording<'_>> = sources

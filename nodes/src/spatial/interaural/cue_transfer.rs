@@ -193,8 +193,8 @@ impl CueTransfer {
                 *out = (scale * sum) as f32;
             }
             sums.copy_within(self.frames.hop.., 0);
-            let kept = sums.len() - self.frames.hop;
-            sums[kept..].fill(0.0);
+            let rest = sums.len() - self.frames.hop;
+            sums[rest..].fill(0.0);
         }
     }
 

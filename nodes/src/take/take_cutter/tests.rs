@@ -90,7 +90,7 @@ fn recordings_of_different_gains_are_brought_to_one_level() {
     let value = run.value(0).unwrap();
     let takes = value.get::<Takes>().unwrap();
     for recording in &takes.recordings {
-        let level = loudest_level(&recording.channels, &recording.takes, takes.rate, 0.01).unwrap();
+        let level = loudest_level(&recording.channels, &recording.takes, takes.rate.as_f64(), 0.01).unwrap();
         assert!((level + 25.0).abs() < 0.05, "{level}");
     }
     assert!((takes.recordings[1].gain / takes.recordings[0].gain - 20.0).abs() < 0.1);

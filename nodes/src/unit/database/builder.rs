@@ -225,7 +225,7 @@ fn spans(channels: &[Vec<f32>], gap: Option<Gap>) -> Vec<Range<usize>> {
 }
 
 /// Removes the mean, high-passes from rest, and appends the output of the filter in `after` more samples.
-fn clean(x: &[f32], design: Option<&Butterworth>, after: usize) -> Vec<f32> {
+pub(crate) fn clean(x: &[f32], design: Option<&Butterworth>, after: usize) -> Vec<f32> {
     let mean = x.iter().map(|&x| f64::from(x)).sum::<f64>() / x.len().max(1) as f64;
     let mut out: Vec<f32> = x.iter().map(|&x| (f64::from(x) - mean) as f32).collect();
     out.resize(x.len() + after, 0.0);

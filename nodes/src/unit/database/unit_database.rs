@@ -147,9 +147,9 @@ impl Func for UnitDatabaseNode {
             takes.push(Take { channels, spans: None, source: source(p, k, content) });
         }
         if let Some(prepared) = &io.takes {
-            for recording in
-                &prepared.at_rate(p.rate).map_err(|e| Fault::new("F101", e).at("takes"))?.recordings
-            {
+            let prepared = prepared.at_rate(p.rate);
+            let prepared = prepared.map_err(|e| Fault::new("F101", e.to_string()).at("takes"))?;
+            for recording in &prepared.recordings {
                 let channels = recording.channels.clone();
                 let (spans, source) = (Some(recording.takes.clone()), recording.source.clone());
                 takes.push(Take { channels, spans, source });

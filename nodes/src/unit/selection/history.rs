@@ -71,9 +71,7 @@ impl History {
     pub fn record(&mut self, unit: u32) {
         let used = std::mem::replace(&mut self.used[unit as usize], self.now + 1);
         self.now += 1;
-        if self.loop_guard == 0 && self.picks.len() == 1 {
-            self.picks.clear();
-        } else if self.picks.len() == self.loop_guard + SEQUENCE {
+        if self.picks.len() == self.loop_guard + SEQUENCE {
             self.picks.pop_back();
         }
         self.picks.push_front(unit);
