@@ -146,8 +146,7 @@ fn the_node_gives_the_path_that_the_search_finds() {
     };
     let set = units(&format(&db, 1), &db, &[]).unwrap();
     let table = Table::new(&set).unwrap();
-    let path =
-        GlobalParams { switch_cost: p.cost.switch_cost, cap: f64::INFINITY, cool_off: 0, loop_guard: 0 };
+    let path = p.cost.global(240.0);
     let wanted = exact(&table, &target, &path, None).unwrap();
     let found = picks(of_global(&p, &db, 1, &target));
     let units: Vec<u32> = found.iter().map(|pick| pick.unit as u32).collect();
@@ -360,7 +359,7 @@ fn what_decides_online_sleeps_as_well_and_looks_at_nothing_that_is_slept_through
         let found = picks(with(lag));
         let units = (lag * 240.0).round() as usize;
         let table = Table::new(&self::units(&format(&db, 1), &db, &[]).unwrap()).unwrap();
-        let path = GlobalParams { switch_cost: 0.5, cap: f64::INFINITY, cool_off: 7, loop_guard: 0 };
+        let path = online(lag).cost.global(240.0);
         let mut choice = FixedLag::new(table, path, units);
         for at in (0..360).filter(|at| !asleep.contains(at)) {
             let known = (at..=(at + units).min(359)).filter(|k| !asleep.contains(k));
