@@ -76,7 +76,7 @@ fn of_database() -> Result<(), Box<dyn Error>> {
     let mut c = FeatureConventions::cloth(RATE, UNIT);
     c.widths = vec![20.0, 50.0, 10.0];
     let samples = 240 * 96_000;
-    let takes = [Take { channels: vec![noise(2, samples), noise(3, samples)], ..Take::default() }];
+    let takes = [Take { channels: vec![noise(2, samples), noise(3, samples)].into(), ..Take::default() }];
     let start = Instant::now();
     let db = build(&takes, &c, None)?;
     let seconds = start.elapsed().as_secs_f64();

@@ -23,6 +23,7 @@ use crate::feature::mfcc::Mfcc;
 use crate::feature::temporal_gaussian::TemporalGaussian;
 use crate::friction::builder::friction_model_builder::FrictionModelBuilder;
 use crate::friction::builder::friction_model_from_clips::FrictionModelFromClips;
+use crate::friction::builder::synthetic_roller::SyntheticRoller;
 use crate::friction::model::friction_model_file::FrictionModelFile;
 use crate::friction::model::interpolated_spectra::InterpolatedSpectra;
 use crate::friction::model::pair_friction_model::PairFrictionModel;
@@ -335,6 +336,7 @@ impl Registry {
             .with_func::<FrictionModelFromClips>()
             .with_func::<FrictionModelFile>()
             .with_func::<InterpolatedSpectra>()
+            .with::<SyntheticRoller>()
             .with_func::<PairFrictionModel>()
             .family("curvature")
             .with::<MeanCurvatureNode>()

@@ -125,10 +125,34 @@ fn figure(key: &str, value: &serde_json::Value) -> String {
     }
 }
 
+/// Notes of a node that are shown: one about each of thousands of recordings would hide all others.
+const MAX_NOTES: usize = 8;
+
+/// Lines of notes, each of a node and a text, in their order.
+fn note_lines<'a>(notes: impl Iterator<Item = &'a (String, String)>) -> Vec<String> {
+    let (mut lines, mut counts) = (Vec::new(), Vec::<(&str, usize)>::new());
+    for (id, note) in notes {
+        let at = counts.iter().position(|(node, _)| node == id).unwrap_or_else(|| {
+            counts.push((id, 0));
+            counts.len() - 1
+        });
+        counts[at].1 += 1;
+        if counts[at].1 <= MAX_NOTES {
+            lines.push(format!("note: {id}: {note}"));
+        }
+    }
+    let more = counts.iter().filter(|(_, count)| *count > MAX_NOTES);
+    lines.extend(more.map(|(id, count)| {
+        let hidden = count - MAX_NOTES;
+        format!("note: {id}: {hidden} more notes, all of which `--report FILE.json` states")
+    }));
+    lines
+}
+
 fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
     let mut out = console::stdout();
-    for (id, note) in report.warnings() {
-        writeln!(out, "note: {id}: {note}")?;
+    for line in note_lines(report.warnings()) {
+        writeln!(out, "{line}")?;
     }
     let fact = |facts: &serde_json::Map<String, serde_json::Value>, key: &str| {
         facts.get(key).and_then(|v| v.as_f64())
@@ -173,4 +197,22 @@ fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
         crate::plan::format_bytes(report.buffer_bytes),
         ready.threads
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thousands_of_notes_of_one_node_are_counted_and_do_not_hide_those_of_others() {
+        let notes = |node: &str, count: usize| {
+            (0..count).map(|k| (node.to_owned(), format!("recording {k} is silent"))).collect::<Vec<_>>()
+        };
+        let all = [notes("takes", 3000), notes("bank", 2)].concat();
+        let lines = note_lines(all.iter());
+        assert_eq!(lines.len(), MAX_NOTES + 2 + 1);
+        assert_eq!(lines[MAX_NOTES], "note: bank: recording 0 is silent");
+        assert!(lines[MAX_NOTES + 2].starts_with("note: takes: 2992 more notes"), "{lines:?}");
+        assert_eq!(note_lines(notes("takes", MAX_NOTES).iter()).len(), MAX_NOTES);
+    }
 }

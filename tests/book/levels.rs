@@ -1,9 +1,7 @@
 //! The sound of every example is loud, bright and free of inaudible bass as its graph intends: a table in the book holds the
 //! figures, and stated bounds hold for each family.
 
-use crate::common;
 use foley::cli::{HEADING, measure, row};
-use foley::plan::PlanOptions;
 use foley_nodes::dsp::SoundFigures;
 use std::fmt::Write as _;
 use std::fs;
@@ -11,30 +9,19 @@ use std::path::Path;
 
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/src/levels.md");
 
-/// Figures of all sounds of the examples, by folder and file, each run whole.
-fn all_sounds() -> Vec<(String, SoundFigures)> {
-    let mut all = Vec::new();
-    for path in common::all_graphs().iter().filter(|p| common::is_whole(p)) {
-        let dir = tempfile::tempdir().unwrap();
-        let options = PlanOptions { threads: 2, ..PlanOptions::default() };
-        match common::run_file(path, &options, dir.path()) {
-            // It plays live input, which has no end.
-            Err(e) if e.contains("F048") => continue,
-            Err(e) => panic!("{}: {e}", path.display()),
-            Ok(_) => {}
-        }
-        let folder = path.parent().unwrap().file_name().unwrap().to_string_lossy().into_owned();
-        let graph = path.file_stem().unwrap().to_string_lossy().into_owned();
-        let mut sounds: Vec<_> = fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().path()).collect();
-        sounds.retain(|sound| sound.extension().is_some_and(|e| e == "wav"));
-        sounds.sort();
-        for sound in sounds {
-            let stem = sound.file_stem().unwrap().to_string_lossy().into_owned();
-            let name = if stem == graph { graph.clone() } else { format!("{graph}: {stem}") };
-            all.push((format!("{folder}/{name}"), measure(&sound).unwrap()));
-        }
-    }
-    all
+/// Figures of the sounds that an example wrote into a folder, by folder and file of the example.
+pub fn sounds_of(example: &Path, folder: &Path) -> Vec<(String, SoundFigures)> {
+    let family = example.parent().unwrap().file_name().unwrap().to_string_lossy().into_owned();
+    let graph = example.file_stem().unwrap().to_string_lossy().into_owned();
+    let mut sounds: Vec<_> = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    sounds.retain(|sound| sound.extension().is_some_and(|e| e == "wav"));
+    sounds.sort();
+    let named = sounds.iter().map(|sound| {
+        let stem = sound.file_stem().unwrap().to_string_lossy().into_owned();
+        let name = if stem == graph { graph.clone() } else { format!("{graph}: {stem}") };
+        (format!("{family}/{name}"), measure(sound).unwrap())
+    });
+    named.collect()
 }
 
 /// Bounds of a family: largest share below 60 Hz, softest A-weighted level at a peak of -6 dB, centroids in Hz.
@@ -56,12 +43,11 @@ fn bounds(name: &str) -> Option<Bounds> {
     }
 }
 
-#[test]
-fn every_example_is_heard_and_the_table_of_the_book_has_its_levels() {
-    let all = all_sounds();
+/// Panics where a sound is outside the bounds of its family, or differs from the table of the book.
+pub fn check(all: &[(String, SoundFigures)]) {
     assert!(all.len() > 40, "{} sounds", all.len());
     let mut wrong = String::new();
-    for (name, f) in &all {
+    for (name, f) in all {
         // `live` waits for input, and has one impact without it.
         let Some(bounds) = bounds(name).filter(|_| name != "texture/live" && name != "impact/live") else {
             continue;
@@ -109,6 +95,6 @@ fn every_example_is_heard_and_the_table_of_the_book_has_its_levels() {
     }
     assert!(
         wrong.is_empty(),
-        "{wrong}If these are intended, FOLEY_LEVELS=write cargo test --test suite levels writes the table of {PAGE}"
+        "{wrong}If these are intended, FOLEY_LEVELS=write cargo test --test suite every_example_graph writes the table of {PAGE}"
     );
 }

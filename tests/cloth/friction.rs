@@ -2,6 +2,7 @@
 
 use crate::common::{foley, npy, wav};
 use foley_nodes::friction::FrictionModel;
+use foley_nodes::material::statistics::ranks::spearman;
 use std::sync::LazyLock;
 
 /// Samples from one sliding speed to the next: 48 kHz at 40 speeds a second.
@@ -45,21 +46,6 @@ fn power(x: &[f32]) -> f64 {
     x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len() as f64
 }
 
-/// Ranks from 0 on, equals sharing their mean.
-fn ranks(x: &[f64]) -> Vec<f64> {
-    let below = |a: f64| x.iter().filter(|b| **b < a).count() as f64;
-    let equal = |a: f64| x.iter().filter(|b| **b == a).count() as f64;
-    x.iter().map(|&a| below(a) + 0.5 * (equal(a) - 1.0)).collect()
-}
-
-/// Spearman's rank correlation.
-fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
-    let (a, b) = (ranks(a), ranks(b));
-    let mean = 0.5 * (a.len() as f64 - 1.0);
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| (x - mean) * (y - mean)).sum::<f64>();
-    dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt()
-}
-
 #[test]
 fn friction_is_exactly_silent_where_nothing_slides_and_sounds_wherever_something_does() {
     let mut counts = [0; 2];
@@ -80,11 +66,11 @@ fn the_level_of_friction_follows_the_sliding_speed() {
     let sum = |clip: &[f32]| clip.iter().map(|s| f64::from(*s)).sum::<f64>();
     let slid: Vec<f64> = moving().map(|(speeds, _)| speeds.map(sum).iter().sum()).collect();
     let heard: Vec<f64> = moving().map(|(_, heard)| power(heard)).collect();
-    let in_time = rank_correlation(&slid, &heard);
+    let in_time = spearman(&slid, &heard);
     // A tenth of a second late it is a worse account of the motion, and backwards it is none.
-    let late = rank_correlation(&slid[4..], &heard[..heard.len() - 4]);
+    let late = spearman(&slid[4..], &heard[..heard.len() - 4]);
     let backwards: Vec<f64> = heard.iter().rev().copied().collect();
-    let none = rank_correlation(&slid, &backwards);
+    let none = spearman(&slid, &backwards);
     println!("level against speed: {in_time:.3}, {late:.3} a tenth of a second late, {none:.3} backwards");
     assert!(in_time > 0.92 && late < in_time - 0.01 && none < 0.3, "{in_time} {late} {none}");
 }

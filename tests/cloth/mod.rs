@@ -7,3 +7,4 @@ mod follows;
 mod friction;
 mod motion;
 mod warps;
+mod zip;

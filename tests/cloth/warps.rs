@@ -25,7 +25,7 @@ fn stored_correspondences_are_those_that_are_suggested() {
     let out = tempfile::tempdir().unwrap();
     run(out.path(), "cloth/suggest.ron", &[]);
     run(out.path(), "cloth/suggest_more.ron", &[]);
-    for name in ["sheet", "windbreaker", "corduroy", "itself", "cover", "folds"] {
+    for name in ["sheet", "windbreaker", "corduroy", "polyester", "itself", "cover", "folds"] {
         let name = format!("{name}.correspondences.ron");
         let read = |bytes: Vec<u8>| -> CorrespondenceSet {
             let mut set = read_correspondences(std::str::from_utf8(&bytes).unwrap()).unwrap();
@@ -43,6 +43,9 @@ fn stored_correspondences_are_those_that_are_suggested() {
 fn stored_warps_are_those_that_are_fitted() {
     for (graph, tap, name) in [
         ("cloth/sheet.ron", "cotton.recomposed.fit.warp", "cotton.warp.json"),
+        ("cloth/polyester_sheet.ron", "polyester.recomposed.fit.warp", "polyester.warp.json"),
+        ("cloth/windbreaker.ron", "windbreaker.recomposed.fit.warp", "windbreaker.warp.json"),
+        ("cloth/corduroy.ron", "corduroy.recomposed.fit.warp", "corduroy.warp.json"),
         ("cloth/live_warp.ron", "fit.warp", "cotton_live.warp.json"),
         ("cloth/warp.ron", "fit.warp", "rustle.warp"),
     ] {
@@ -90,16 +93,5 @@ fn databases_of_the_examples_hold_several_recordings_loud_and_soft_and_what_is_n
             levels.len() > 200 && soft < middle - 10.0 && middle < loud - 10.0,
             "{graph}: {soft} {middle} {loud}"
         );
-    }
-}
-
-#[test]
-fn no_warp_of_the_examples_is_warned_of() {
-    for name in ["sheet", "couch", "live", "first_person", "windbreaker", "corduroy", "two_materials"] {
-        let out = tempfile::tempdir().unwrap();
-        let report = run(out.path(), &format!("cloth/{name}.ron"), &[]);
-        let warnings = report["warnings"].as_array().unwrap();
-        let of_warps: Vec<_> = warnings.iter().filter(|w| !w.to_string().contains("samples")).collect();
-        assert!(of_warps.is_empty(), "{name}: {of_warps:?}");
     }
 }

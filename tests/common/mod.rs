@@ -102,7 +102,8 @@ pub fn run_graph_cached(
 ) -> Result<Report, String> {
     let report = run_cached(graph, files, options, &[], memo, out)?;
     let (there, planned) = (report.buffer_bytes, report.planned_bytes);
-    assert!(there <= planned, "{there} bytes of buffers, planned {planned}");
+    let title = &graph.title;
+    assert!(there <= planned, "{title}: {there} bytes of buffers, planned {planned}");
     Ok(report)
 }
 
@@ -177,9 +178,25 @@ pub fn run_file_cached(
     memo: Option<&Memo>,
     out: &Path,
 ) -> Result<Report, String> {
+    let (graph, files) = opened(path)?;
+    run_graph_cached(&graph, &files, options, memo, out)
+}
+
+/// The same without a check of the buffers: those of events may outgrow the plan.
+pub fn run_file_unmeasured(
+    path: &Path,
+    options: &PlanOptions,
+    memo: Option<&Memo>,
+    out: &Path,
+) -> Result<Report, String> {
+    let (graph, files) = opened(path)?;
+    run_cached(&graph, &files, options, &[], memo, out)
+}
+
+fn opened(path: &Path) -> Result<(Graph, DirFiles), String> {
     let loaded = load(path, &LoadOptions::default());
     let graph = loaded.graph.ok_or_else(|| render(&loaded.diagnostics, &loaded.sources, false))?;
-    run_graph_cached(&graph, &DirFiles::new(loaded.root, Limits::default()), options, memo, out)
+    Ok((graph, DirFiles::new(loaded.root, Limits::default())))
 }
 
 /// A file or folder of the data beside the repository, if it exists; `FOLEY_DATA` names another folder.

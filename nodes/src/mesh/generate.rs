@@ -75,7 +75,8 @@ impl Synthetic for FlatSheet {
     }
 }
 
-/// Two flat sheets at a distance of `gap`; the upper one slides along x, so that the slip speed is `speed`.
+/// Two flat sheets at a distance of `gap`; the upper one slides along x, so that the slip speed is `speed` at time 0 and grows by
+/// `acceleration`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlidingPlanes {
     /// Vertices of each sheet along x and y; fewer than 2 count as 2.
@@ -84,8 +85,10 @@ pub struct SlidingPlanes {
     pub size: [f64; 2],
     /// Distance between the sheets in metres.
     pub gap: f64,
-    /// Speed of the upper sheet along x in m/s.
+    /// Speed of the upper sheet along x in m/s, at time 0.
     pub speed: f64,
+    /// Acceleration of the upper sheet along x in m/s².
+    pub acceleration: f64,
 }
 
 impl Synthetic for SlidingPlanes {
@@ -99,7 +102,7 @@ impl Synthetic for SlidingPlanes {
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {
         let (nx, ny) = counts(self.vertices);
-        let (gap, shift) = (self.gap, self.speed * t);
+        let (gap, shift) = (self.gap, (self.speed + 0.5 * self.acceleration * t) * t);
         let lower = grid_points(nx, ny, self.size).map(|[x, y]| [x, y, 0.0]);
         let upper = grid_points(nx, ny, self.size).map(move |[x, y]| [x + shift, y, gap]);
         write(out, lower.chain(upper));
@@ -317,7 +320,8 @@ mod tests {
 
     #[test]
     fn a_sliding_plane_moves_by_speed_times_time() {
-        let planes = SlidingPlanes { vertices: [4, 3], size: [1.0, 1.0], gap: 0.01, speed: 0.3 };
+        let planes =
+            SlidingPlanes { vertices: [4, 3], size: [1.0, 1.0], gap: 0.01, speed: 0.3, acceleration: 0.0 };
         let t = planes.topology();
         let mut later = t.rest.clone();
         planes.positions(0.5, &mut later);

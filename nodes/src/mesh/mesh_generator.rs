@@ -16,7 +16,7 @@ choices! {
     pub enum Scene {
         /// A flat sheet that moves along x at `speed`.
         Sheet,
-        /// Two sheets at a distance of `gap`; the upper one slides along x, so that the slip speed is `speed`.
+        /// Two sheets at a distance of `gap`; the upper one slides along x, so that the slip speed is `speed`, and grows by `acceleration`.
         Planes,
         /// A sheet with a wave of `amplitude` and `wavelength` that travels at `frequency` wavelengths per second.
         SineSheet,
@@ -47,6 +47,8 @@ params! {
         size: [f64; 2] = [1.0, 1.0], unit "m", range 0.001..=1000.0;
         /// Speed along x.
         speed: f64 = 0.2, unit "m/s", range -100.0..=100.0;
+        /// Growth of the speed of `Planes`.
+        acceleration: f64 = 0.0, unit "m/s^2", range -100.0..=100.0;
         /// Distance between the two sheets.
         gap: f64 = 0.01, unit "m", range 0.0..=10.0;
         /// Amplitude of the wave.
@@ -101,7 +103,13 @@ fn scene(p: &MeshGeneratorParams) -> Box<dyn Synthetic + Send> {
     let (vertices, size, frequency, radius) = (p.vertices, p.size, p.frequency, p.radius);
     match p.kind {
         Scene::Sheet => Box::new(FlatSheet { vertices, size, velocity: [p.speed, 0.0, 0.0] }),
-        Scene::Planes => Box::new(SlidingPlanes { vertices, size, gap: p.gap, speed: p.speed }),
+        Scene::Planes => Box::new(SlidingPlanes {
+            vertices,
+            size,
+            gap: p.gap,
+            speed: p.speed,
+            acceleration: p.acceleration,
+        }),
         Scene::SineSheet => Box::new(SineSheet {
             vertices,
             size,

@@ -103,6 +103,8 @@ impl ManifestEntry for TakeLabel {
     }
 }
 
+/// Recordings that are read at the same time; the progress is told after them.
+const AT_ONCE: usize = 32;
 /// Order of the high-pass.
 const HIGH_PASS_ORDER: usize = 4;
 
@@ -219,18 +221,21 @@ impl Func for TakeCutter {
         };
         let (mut recordings, mut warnings, mut short) =
             (Vec::with_capacity(listed.len()), Summary::new(), 0.0);
-        for (k, one) in listed.iter().enumerate() {
-            if (cx.monitor)(k as f64 / listed.len() as f64) {
+        for some in listed.chunks(AT_ONCE) {
+            if (cx.monitor)(recordings.len() as f64 / listed.len() as f64) {
                 return Err(Fault::stopped());
             }
-            let (recording, found) = read(p, cx, one, design.as_ref())?;
-            for (name, value) in found {
-                match name {
-                    "short_takes" => short += value.as_f64().unwrap_or(0.0),
-                    _ => warnings.push((name, value)),
+            let read: Vec<_> = some.par_iter().map(|one| read(p, cx, one, design.as_ref())).collect();
+            for one in read {
+                let (recording, found) = one?;
+                for (name, value) in found {
+                    match name {
+                        "short_takes" => short += value.as_f64().unwrap_or(0.0),
+                        _ => warnings.push((name, value)),
+                    }
                 }
+                recordings.push(recording);
             }
-            recordings.push(recording);
         }
         let fs = p.rate.as_f64();
         let takes = Takes { rate: p.rate, recordings };

@@ -28,7 +28,7 @@ fn a_stream_has_the_features_of_the_database() {
     // Without a mean the database subtracts nothing.
     let mean = audio.iter().map(|&x| f64::from(x)).sum::<f64>() / 4000.0;
     let level: Vec<f32> = audio.iter().map(|&x| (f64::from(x) - mean) as f32).collect();
-    let db = build(&[Take { channels: vec![level.clone()], ..Take::default() }], &c, None).unwrap();
+    let db = build(&[Take { channels: vec![level.clone()].into(), ..Take::default() }], &c, None).unwrap();
     let again = standalone(&[], 1, level).run().unwrap().stream(MfccPorts::features);
     assert_eq!(found.len(), 60);
     assert!(again.iter().zip(&db.unfiltered).all(|(a, b)| (a - b).abs() < 1e-3));
@@ -88,7 +88,7 @@ fn with_the_floor_of_the_database_silence_has_the_features_of_its_silence() {
     // Microphone noise at about -70 dB, and a loud part.
     let floor_noise: Vec<f32> = noise(5, 48_000).iter().map(|x| 1e-3 * x).collect();
     let recording = [floor_noise.clone(), noise(6, 48_000), floor_noise].concat();
-    let take = || [Take { channels: vec![recording.clone()], ..Take::default() }];
+    let take = || [Take { channels: vec![recording.clone()].into(), ..Take::default() }];
     let floor = |own: &[(&str, Datum)]| {
         let p = params(own);
         let c = p.convention_params(&[], false).conventions(Rate::hz(48_000), 1).unwrap();

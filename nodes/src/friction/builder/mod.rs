@@ -9,6 +9,7 @@ pub mod from_clips;
 mod mono_recording;
 pub mod psd;
 pub mod roller;
+pub mod synthetic_roller;
 
 pub use analysis::BuildError;
 pub use encoder::{EncoderError, EncoderTrack, Reading, Signal};

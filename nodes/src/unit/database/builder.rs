@@ -1,6 +1,7 @@
 //! Makes a unit database of recordings.
 
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::ops::Range;
 use thiserror::Error;
 
@@ -10,9 +11,9 @@ use crate::feature::{FeatureConventions, FloorRule, MelCepstrum, TemporalFilter}
 
 /// A recording at the rate of the conventions.
 #[derive(Clone, Debug, Default)]
-pub struct Take {
+pub struct Take<'a> {
     /// Samples of each channel, equally many.
-    pub channels: Vec<Vec<f32>>,
+    pub channels: Cow<'a, [Vec<f32>]>,
     /// Stretches of samples to use, in order, without overlaps; `None`: as [`Gap`] splits it.
     pub spans: Option<Vec<Range<usize>>>,
     /// The value.
@@ -84,12 +85,16 @@ struct Stretch {
 /// Recordings that hold no whole unit, samples that are not finite, and joint recordings of other channel counts.
 ///
 /// # Complexity
-/// One transform per unit and channel, on all cores; the audio is held twice while it is built.
+/// One transform per unit and channel, on all cores; the audio is held once beside the recordings while it is built.
 ///
 /// # Source
 /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), sections 4.1 and 4.2. The paper
 /// strings recordings end to end; segments separate the units that this would make neighbours.
-pub fn build(takes: &[Take], c: &FeatureConventions, gap: Option<Gap>) -> Result<UnitDatabase, BuildError> {
+pub fn build(
+    takes: &[Take<'_>],
+    c: &FeatureConventions,
+    gap: Option<Gap>,
+) -> Result<UnitDatabase, BuildError> {
     let stretches = stretches(takes, c, gap)?;
     let units = stretches.iter().map(|s| s.units).sum::<usize>();
     if units == 0 || c.unit == 0 || c.dims() == 0 {
@@ -133,20 +138,26 @@ fn segments(stretches: &[Stretch]) -> Vec<Segment> {
 }
 
 /// Whole units of all stretches, channel after channel.
-fn audio(stretches: Vec<Stretch>, c: &FeatureConventions) -> Vec<f32> {
+fn audio(mut stretches: Vec<Stretch>, c: &FeatureConventions) -> Vec<f32> {
     let joined = c.joined.max(1) as usize;
     let samples = stretches.iter().map(|s| s.units * c.unit as usize).sum::<usize>();
     let mut audio = Vec::with_capacity(joined * samples);
     for channel in 0..joined {
-        for s in &stretches {
+        for s in &mut stretches {
             let whole = s.units * c.unit as usize;
-            audio.extend(s.audio.get(channel).and_then(|x| x.get(..whole)).unwrap_or_default());
+            // Freed as it is copied: databases may fill much of the memory.
+            let x = s.audio.get_mut(channel).map(std::mem::take).unwrap_or_default();
+            audio.extend(x.get(..whole).unwrap_or_default());
         }
     }
     audio
 }
 
-fn stretches(takes: &[Take], c: &FeatureConventions, gap: Option<Gap>) -> Result<Vec<Stretch>, BuildError> {
+fn stretches(
+    takes: &[Take<'_>],
+    c: &FeatureConventions,
+    gap: Option<Gap>,
+) -> Result<Vec<Stretch>, BuildError> {
     let joined = c.joined.max(1) as usize;
     let mut jobs = Vec::new();
     for (source, take) in takes.iter().enumerate() {
@@ -179,7 +190,7 @@ fn stretches(takes: &[Take], c: &FeatureConventions, gap: Option<Gap>) -> Result
     Ok(jobs.into_par_iter().map(stretch).collect())
 }
 
-fn check(take: &Take, joined: usize) -> Result<(), BuildError> {
+fn check(take: &Take<'_>, joined: usize) -> Result<(), BuildError> {
     let recording = || take.source.provenance.clone();
     if joined > 1 && take.channels.len() != joined {
         return Err(BuildError::Channels {
@@ -195,7 +206,7 @@ fn check(take: &Take, joined: usize) -> Result<(), BuildError> {
             return Err(BuildError::Spans { recording: recording() });
         }
     }
-    for channel in &take.channels {
+    for channel in take.channels.iter() {
         if let Some((sample, &found)) = channel.iter().enumerate().find(|(_, x)| !x.is_finite()) {
             return Err(BuildError::NotFinite { recording: recording(), sample, found });
         }

@@ -144,16 +144,13 @@ impl Func for UnitDatabaseNode {
             })?;
             // The database removes its mean.
             warnings.extend(recording_warnings(&path.0, file.info(), &[]));
-            takes.push(Take { channels, spans: None, source: source(p, k, content) });
+            takes.push(Take { channels: channels.into(), spans: None, source: source(p, k, content) });
         }
-        if let Some(prepared) = &io.takes {
-            let prepared = prepared.at_rate(p.rate);
-            let prepared = prepared.map_err(|e| Fault::new("F101", e.to_string()).at("takes"))?;
-            for recording in &prepared.recordings {
-                let channels = recording.channels.clone();
-                let (spans, source) = (Some(recording.takes.clone()), recording.source.clone());
-                takes.push(Take { channels, spans, source });
-            }
+        let prepared = io.takes.map(|prepared| prepared.at_rate(p.rate)).transpose();
+        let prepared = prepared.map_err(|e| Fault::new("F101", e.to_string()).at("takes"))?;
+        for recording in prepared.iter().flat_map(|prepared| &prepared.recordings) {
+            let (spans, source) = (Some(recording.takes.clone()), recording.source.clone());
+            takes.push(Take { channels: (&recording.channels[..]).into(), spans, source });
         }
         let joined = if p.joint { takes.first().map_or(1, |take| take.channels.len()) } else { 1 };
         let conventions = conventions(p, joined as u32)?;
@@ -163,6 +160,7 @@ impl Func for UnitDatabaseNode {
         });
         let db = build(&takes, &conventions, gap);
         let db = db.map_err(|e| Fault::new("F101", e.to_string()).at("recordings"))?;
+        drop(takes);
         if db.audio.iter().all(|x| *x == 0.0) {
             warnings.push(("warning", "all recordings are silent, and so is everything made of them".into()));
         }

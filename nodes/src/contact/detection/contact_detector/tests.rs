@@ -71,7 +71,8 @@ fn windows_of_any_length_give_the_same_contacts() {
 
 #[test]
 fn a_position_that_is_not_finite_is_a_fault_with_its_time() {
-    let scene = SlidingPlanes { vertices: [3, 3], size: [0.2, 0.2], gap: 0.01, speed: 0.1 };
+    let scene =
+        SlidingPlanes { vertices: [3, 3], size: [0.2, 0.2], gap: 0.01, speed: 0.1, acceleration: 0.0 };
     let (topology, mut all) = frames(&scene, Rate::hz(60), 10);
     all[18 * 4 + 2][1] = f32::NAN;
     let standalone = Standalone::new::<ContactDetector>(params()).input(
@@ -87,7 +88,8 @@ fn a_position_that_is_not_finite_is_a_fault_with_its_time() {
 
 #[test]
 fn a_cloth_alone_touches_itself() {
-    let scene = SlidingPlanes { vertices: [4, 4], size: [0.2, 0.2], gap: 0.01, speed: 0.1 };
+    let scene =
+        SlidingPlanes { vertices: [4, 4], size: [0.2, 0.2], gap: 0.01, speed: 0.1, acceleration: 0.0 };
     let (topology, all) = frames(&scene, Rate::hz(60), 3);
     let touching = |self_contact| {
         let p = ContactDetectorParams { radius: 0.02, self_contact, ..params() };
@@ -107,7 +109,8 @@ fn a_cloth_alone_touches_itself() {
 #[test]
 fn a_rotation_of_the_pair_is_sliding_by_the_naive_measure_and_not_by_the_exact_one() {
     // Two sheets 10 mm apart that turn together about y, by 0.1 rad a frame.
-    let scene = SlidingPlanes { vertices: [4, 4], size: [0.2, 0.2], gap: 0.01, speed: 0.0 };
+    let scene =
+        SlidingPlanes { vertices: [4, 4], size: [0.2, 0.2], gap: 0.01, speed: 0.0, acceleration: 0.0 };
     let (topology, positions) = frames(&scene, Rate::hz(60), 1);
     let turned = |angle: f32| {
         let (sin, cos) = angle.sin_cos();
@@ -129,7 +132,8 @@ fn a_rotation_of_the_pair_is_sliding_by_the_naive_measure_and_not_by_the_exact_o
 
 #[test]
 fn a_mesh_of_separate_faces_gives_a_note() {
-    let scene = SlidingPlanes { vertices: [4, 4], size: [0.2, 0.2], gap: 0.01, speed: 0.1 };
+    let scene =
+        SlidingPlanes { vertices: [4, 4], size: [0.2, 0.2], gap: 0.01, speed: 0.1, acceleration: 0.0 };
     let (topology, _) = frames(&scene, Rate::hz(60), 1);
     let notes = |topology: Topology| {
         let (format, rest) = (MeshFormat::moving(topology.clone()), topology.rest);

@@ -36,7 +36,8 @@ fn speeds(p: SlidingSpeedParams, rate: Rate, contacts: Vec<Contact>) -> Vec<f32>
 #[test]
 fn two_planes_slide_at_their_speed_computed_from_meshes() {
     let rate = Rate::hz(60);
-    let scene = SlidingPlanes { vertices: [4, 4], size: [0.4, 0.4], gap: 0.01, speed: 0.25 };
+    let scene =
+        SlidingPlanes { vertices: [4, 4], size: [0.4, 0.4], gap: 0.01, speed: 0.25, acceleration: 0.0 };
     let topology = scene.topology();
     let mut frames = vec![[0.0; 3]; 32 * 60];
     for (k, frame) in frames.chunks_exact_mut(32).enumerate() {

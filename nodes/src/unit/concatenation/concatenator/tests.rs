@@ -26,7 +26,7 @@ fn database(lengths: &[usize]) -> UnitDatabase {
     let takes: Vec<Take> = lengths
         .iter()
         .enumerate()
-        .map(|(k, &n)| Take { channels: vec![recording(k as u64, n * 200)], ..Take::default() })
+        .map(|(k, &n)| Take { channels: vec![recording(k as u64, n * 200)].into(), ..Take::default() })
         .collect();
     build(&takes, &conventions(), None).unwrap()
 }
@@ -108,7 +108,7 @@ fn soft(units: usize, low: f64, poles: usize) -> UnitDatabase {
 fn units_of(units: usize, mut next: impl FnMut() -> f64) -> UnitDatabase {
     let sound = (0..units * 400).map(|_| next() as f32).collect();
     let c = FeatureConventions { frame: 100, ..FeatureConventions::cloth(Rate::hz(96_000), 400) };
-    build(&[Take { channels: vec![sound], ..Take::default() }], &c, None).unwrap()
+    build(&[Take { channels: vec![sound].into(), ..Take::default() }], &c, None).unwrap()
 }
 
 /// Every join of picks at which something is mixed: the first sample of the region and the one after its last.

@@ -71,7 +71,7 @@ fn concatenation_with(
 #[test]
 fn a_recording_put_together_from_itself_is_itself_bit_for_bit() {
     let recording = noise(1, 200 * 300);
-    let take = Take { channels: vec![recording.clone()], ..Take::default() };
+    let take = Take { channels: vec![recording.clone()].into(), ..Take::default() };
     let db = build(&[take], &conventions(), None).unwrap();
     for cool_off in [0, 20, 1000] {
         let run = selection(&db, features(&recording), cool_off, conventions()).run().unwrap();
@@ -86,7 +86,7 @@ fn a_recording_put_together_from_itself_is_itself_bit_for_bit() {
 
 #[test]
 fn two_recordings_are_themselves_but_for_a_window_before_their_join() {
-    let takes = [1, 2].map(|seed| Take { channels: vec![noise(seed, 200 * 150)], ..Take::default() });
+    let takes = [1, 2].map(|seed| Take { channels: vec![noise(seed, 200 * 150)].into(), ..Take::default() });
     let db = build(&takes, &conventions(), None).unwrap();
     let (look, join) = (read::<UnitSelectorParams>().look, 150);
     let run = selection(&db, db.features.clone(), 0, conventions()).run().unwrap();
@@ -125,7 +125,7 @@ fn joint_channels_share_their_picks_and_cross_where_each_of_them_does() {
     let sound = [noise(1, 200 * 200), noise(2, 200 * 200)];
     let other = [noise(3, 200 * 120), noise(4, 200 * 120)];
     let (_, format) = joint_features(&sound);
-    let take = Take { channels: sound.to_vec(), ..Take::default() };
+    let take = Take { channels: sound.to_vec().into(), ..Take::default() };
     let db = build(&[take], &format.conventions, None).unwrap();
     let chosen = |target: &[Vec<f32>; 2]| {
         let (features, format) = joint_features(target);
@@ -161,7 +161,7 @@ fn joint_channels_share_their_picks_and_cross_where_each_of_them_does() {
 
 #[test]
 fn windows_do_not_change_what_the_whole_is() {
-    let takes = [1, 2].map(|seed| Take { channels: vec![noise(seed, 200 * 40)], ..Take::default() });
+    let takes = [1, 2].map(|seed| Take { channels: vec![noise(seed, 200 * 40)].into(), ..Take::default() });
     let db = build(&takes, &conventions(), None).unwrap();
     let mut rng = Rng::new(4);
     let units: Vec<u32> = (0..100).map(|_| rng.below(80) as u32).collect();
@@ -175,8 +175,12 @@ fn windows_do_not_change_what_the_whole_is() {
 
 #[test]
 fn a_silent_target_sends_it_to_sleep() {
-    let db = build(&[Take { channels: vec![noise(1, 200 * 300)], ..Take::default() }], &conventions(), None)
-        .unwrap();
+    let db = build(
+        &[Take { channels: vec![noise(1, 200 * 300)].into(), ..Take::default() }],
+        &conventions(),
+        None,
+    )
+    .unwrap();
     let picks: Vec<Pick> = (0..240).map(|unit| Pick { unit, ..Pick::default() }).collect();
     let followed = |target: Vec<f32>| {
         let standalone = concatenation(&db, picks.clone(), 0.1);
@@ -205,7 +209,7 @@ fn a_silent_target_sends_it_to_sleep() {
 #[test]
 fn joint_recordings_keep_their_room_tone_where_nothing_else_is_said() {
     let c = FeatureConventions { joined: 2, ..conventions() };
-    let take = Take { channels: vec![noise(1, 200 * 300), noise(2, 200 * 300)], ..Take::default() };
+    let take = Take { channels: vec![noise(1, 200 * 300), noise(2, 200 * 300)].into(), ..Take::default() };
     let db = build(&[take], &c, None).unwrap();
     let format = PickFormat { channels: 1, conventions: Arc::new(c) };
     let picks: Vec<Pick> = (0..240).map(|unit| Pick { unit, ..Pick::default() }).collect();
@@ -225,7 +229,8 @@ fn joint_recordings_keep_their_room_tone_where_nothing_else_is_said() {
 #[test]
 fn features_of_other_conventions_are_refused_by_the_field() {
     let db =
-        build(&[Take { channels: vec![noise(1, 8000)], ..Take::default() }], &conventions(), None).unwrap();
+        build(&[Take { channels: vec![noise(1, 8000)].into(), ..Take::default() }], &conventions(), None)
+            .unwrap();
     let refused = |c| selection(&db, vec![0.0; 30], 20, c).shape().unwrap_err();
     let reject = refused(FeatureConventions { f_hi: 24_000.0, ..conventions() });
     assert!(reject.code == "F100" && reject.message.contains("`f_hi`"), "{reject}");
@@ -239,7 +244,8 @@ fn features_of_other_conventions_are_refused_by_the_field() {
 #[test]
 fn a_feature_that_is_no_number_is_named_by_its_unit() {
     let db =
-        build(&[Take { channels: vec![noise(1, 8000)], ..Take::default() }], &conventions(), None).unwrap();
+        build(&[Take { channels: vec![noise(1, 8000)].into(), ..Take::default() }], &conventions(), None)
+            .unwrap();
     let format = FeatureFormat { vectors: 1, conventions: Arc::new(conventions()) };
     // With look-ahead the bad unit is first seen five units ahead; with look-behind, afterwards.
     for causal in [false, true] {
@@ -260,7 +266,7 @@ fn a_feature_that_is_no_number_is_named_by_its_unit() {
 fn tags_leave_only_their_recordings_to_choose_from() {
     let tagged = |seed, tag: &str| Take {
         spans: None,
-        channels: vec![noise(seed, 8000)],
+        channels: vec![noise(seed, 8000)].into(),
         source: crate::unit::UnitSource { tag: tag.into(), ..Default::default() },
     };
     let db = build(&[tagged(1, "friction"), tagged(2, "crumple")], &conventions(), None).unwrap();

@@ -11,8 +11,12 @@ fn noise(seed: u64, n: usize) -> Vec<f32> {
     (0..n).map(|_| rng.between(-0.5, 0.5) as f32).collect()
 }
 
-fn take(channels: Vec<Vec<f32>>) -> Take {
-    Take { channels, spans: None, source: UnitSource { provenance: "a.wav".into(), ..UnitSource::default() } }
+fn take(channels: Vec<Vec<f32>>) -> Take<'static> {
+    Take {
+        channels: channels.into(),
+        spans: None,
+        source: UnitSource { provenance: "a.wav".into(), ..UnitSource::default() },
+    }
 }
 
 #[test]
