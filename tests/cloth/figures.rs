@@ -26,12 +26,28 @@ fn figure_3_has_a_spectrum_for_every_measured_speed() {
     assert!(spectra(&figure("3")).len() >= 6);
 }
 
+/// First and last bin of a line of a spectrum that are within a fifth of the height of the drawing of its top.
+fn band(line: &[f64]) -> (usize, usize) {
+    let top = line.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let bottom = line.iter().copied().fold(f64::INFINITY, f64::min);
+    let inside = |y: &f64| *y > top - 0.2 * (top - bottom);
+    (line.iter().position(inside).unwrap(), line.iter().rposition(inside).unwrap())
+}
+
 #[test]
-fn figure_5_has_spectra_between_the_measured_speeds_that_rise_one_by_one() {
-    let svg = figure("5");
-    assert_eq!(spectra(&svg), [0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0]);
-    let levels: Vec<f64> = heights(&svg).iter().map(|line| mean(line)).collect();
-    assert!(levels.is_sorted_by(|a, b| a < b), "{levels:?}");
+fn figure_5_has_a_line_that_moves_between_speeds_and_both_at_once_in_a_crossfade() {
+    let commands = commands(include_str!("../../docs/src/cloth.md"), "5");
+    let drawn = run(&commands[0]);
+    let [moved, crossfaded] =
+        [0, 1].map(|k| heights(&drawn[k]).iter().map(|line| band(line)).collect::<Vec<_>>());
+    for svg in &drawn {
+        let speeds: Vec<f64> = labels(svg, " m/s").iter().map(|speed| speed.parse().unwrap()).collect();
+        assert_eq!(speeds, [0.3, 0.4, 0.5, 0.6]);
+    }
+    // By displacement both edges rise with speed; a crossfade starts where the slower line does and ends where the faster one does.
+    assert!(moved.windows(2).all(|pair| pair[0].0 < pair[1].0 && pair[0].1 < pair[1].1), "{moved:?}");
+    let wide = crossfaded.iter().zip(&moved).filter(|(a, b)| a.1 - a.0 > (b.1 - b.0) * 13 / 10).count();
+    assert!(wide >= 2, "{moved:?} {crossfaded:?}");
 }
 
 #[test]

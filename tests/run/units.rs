@@ -70,7 +70,8 @@ fn run_in(dir: &Path, text: &str, window: f64) -> Result<(), String> {
 fn a_recording_put_together_from_itself_is_itself_bit_for_bit() {
     let recording = rustle();
     let c = FeatureConventions::cloth(Rate::hz(44_100), 184);
-    let db = build(&[Take { channels: vec![recording.clone()].into(), ..Take::default() }], &c, None).unwrap();
+    let db =
+        build(&[Take { channels: vec![recording.clone()].into(), ..Take::default() }], &c, None).unwrap();
     for window in [0.02, 0.0031] {
         let out = run("", window).unwrap();
         assert!(recording.len() > 70 * 184 && out == db.audio, "window {window}");
