@@ -12,39 +12,55 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::Write as _;
 
-/// Lists node types, or describes one.
+/// Lists node types, all or those that match a word, or describes one.
 ///
 /// # Errors
 /// When standard output goes away.
 pub fn nodes(args: &NodesArgs, registry: &Registry) -> anyhow::Result<Exit> {
-    match &args.name {
-        None if args.json => writeln!(
-            stdout(),
-            "{:#}",
-            Value::Array(registry.types().iter().map(|ty| describe(ty)).collect())
-        )?,
-        None => write!(stdout(), "{}", list(registry))?,
-        Some(name) => match registry.get(name) {
-            Some(ty) if args.json => writeln!(stdout(), "{:#}", describe(ty))?,
-            Some(ty) => write!(stdout(), "{}", page(ty))?,
-            None => {
-                let near = nearest(name, registry.types().iter().map(|t| t.name));
-                let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-                super::console::tell(format_args!(
-                    "there is no node type {name}{hint} (`foley nodes` lists all)"
-                ));
-                return Ok(Exit::Wrong);
-            }
-        },
+    let all: Vec<&NodeType> = registry.types().iter().map(|ty| &**ty).collect();
+    let Some(name) = &args.name else {
+        print(&all, registry, args.json)?;
+        return Ok(Exit::Done);
+    };
+    if let Some(ty) = registry.get(name) {
+        match args.json {
+            true => writeln!(stdout(), "{:#}", describe(ty))?,
+            false => write!(stdout(), "{}", page(ty))?,
+        }
+        return Ok(Exit::Done);
     }
+    let word = name.to_lowercase();
+    let holds = |ty: &&NodeType| {
+        [ty.name, ty.family, ty.summary()].iter().any(|text| text.to_lowercase().contains(&word))
+    };
+    let matching: Vec<&NodeType> = all.into_iter().filter(holds).collect();
+    if word.is_empty() || matching.is_empty() {
+        let near = nearest(name, registry.types().iter().map(|t| t.name));
+        let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
+        super::console::tell(format_args!(
+            "there is no node type {name}{hint}, and none whose family or summary has this word (`foley nodes` lists all)"
+        ));
+        return Ok(Exit::Wrong);
+    }
+    print(&matching, registry, args.json)?;
     Ok(Exit::Done)
 }
 
-fn list(registry: &Registry) -> String {
+fn print(types: &[&NodeType], registry: &Registry, json: bool) -> std::io::Result<()> {
+    match json {
+        true => writeln!(stdout(), "{:#}", Value::Array(types.iter().map(|ty| describe(ty)).collect())),
+        false => write!(stdout(), "{}", list(types, registry)),
+    }
+}
+
+fn list(types: &[&NodeType], registry: &Registry) -> String {
     let mut out = String::new();
     for family in registry.families() {
-        let _ = writeln!(out, "{family}");
-        for ty in registry.types().iter().filter(|t| t.family == family) {
+        let mut own = types.iter().filter(|ty| ty.family == family).peekable();
+        if own.peek().is_some() {
+            let _ = writeln!(out, "{family}");
+        }
+        for ty in own {
             let _ = writeln!(out, "  {:<24} {}", ty.name, ty.summary());
         }
     }

@@ -279,28 +279,38 @@ fn convert(value: &Value, given: &Given, path: bool, loader: &mut Loader) -> Opt
     })
 }
 
-/// The path of an asset; `None` if its origin may not name it. A path from the command line may be read anywhere, unless it
-/// is absolute; one of a message only below the folder of the graph.
+/// The path of an asset; `None` if its origin may not name it. A path from the command line may be read anywhere, and `~` at its start is the
+/// home of the user; one of a message only below the folder of the graph.
 fn asset(text: &str, given: &Given, loader: &mut Loader) -> Option<String> {
-    let joined = join(&given.folder, text);
     match given.origin {
-        Origin::CommandLine if !Path::new(text).is_absolute() => {
+        Origin::CommandLine => {
+            let joined = join(&given.folder, &in_home(text));
             loader.root.allow_named(Path::new(&joined));
+            Some(joined)
         }
-        Origin::Message
-            if Path::new(text).is_absolute() || !loader.root.own_folder_holds(&given.folder, &joined) =>
-        {
-            let message =
-                format!("a message may not name {text:?}, which lies outside the folder of the graph");
-            let found = Diagnostic::error("F062", message, given.location.clone());
-            loader
-                .found
-                .push(found.help("copy the file beside the graph, or name it by --set when foley starts"));
-            return None;
+        Origin::Message => {
+            let joined = join(&given.folder, text);
+            if Path::new(text).is_absolute() || !loader.root.own_folder_holds(&given.folder, &joined) {
+                let message =
+                    format!("a message may not name {text:?}, which lies outside the folder of the graph");
+                let found = Diagnostic::error("F062", message, given.location.clone());
+                let help = "copy the file beside the graph, or name it by --set when foley starts";
+                loader.found.push(found.help(help));
+                return None;
+            }
+            Some(joined)
         }
-        Origin::Text | Origin::CommandLine | Origin::Message => {}
+        Origin::Text => Some(join(&given.folder, text)),
     }
-    Some(joined)
+}
+
+/// A path whose first part is `~` in the home of the user; shells replace it at the start of a word only, and not in `--set in.path=~/a.wav`.
+fn in_home(text: &str) -> String {
+    let below = text.strip_prefix('~').filter(|rest| rest.is_empty() || rest.starts_with('/'));
+    match below.zip(std::env::home_dir().as_deref().and_then(Path::to_str)) {
+        Some((below, home)) => format!("{home}{below}"),
+        None => text.to_owned(),
+    }
 }
 
 /// Locations of the items of a list, and of nested lists: `inputs[2]`.
@@ -344,6 +354,40 @@ fn missing_assets(
     }
 }
 
+/// Bytes of a text that may begin with a number.
+const MAX_NUMBER: usize = 32;
+
+/// What a text stands for where a number, a rate or a choice is wanted: `"48 kHz"` for 48000.
+fn meant(text: &str, spec: &ParamSpec) -> Option<String> {
+    let unit = match spec.kind.innermost() {
+        ParamKind::Choice(choices) => {
+            let (name, _) = choices.iter().find(|(name, _)| name.eq_ignore_ascii_case(text))?;
+            return Some(format!("{name}, without quotes"));
+        }
+        ParamKind::Rate => "Hz",
+        ParamKind::Int | ParamKind::Float => spec.unit.unwrap_or_default(),
+        _ => return None,
+    };
+    let ends = (1..=text.len().min(MAX_NUMBER)).rev().filter(|end| text.is_char_boundary(*end));
+    let number = |end: usize| text[..end].trim_end().parse::<f64>().ok().filter(|x| x.is_finite());
+    let (end, number) = ends.into_iter().find_map(|end| Some((end, number(end)?)))?;
+    let written = text[end..].trim();
+    let prefix = if written.is_empty() { "" } else { written.strip_suffix(unit)? };
+    let factor = match prefix {
+        _ if prefix.is_empty() || unit.is_empty() => 1.0,
+        "M" => 1e6,
+        "k" => 1e3,
+        "c" => 1e-2,
+        "m" => 1e-3,
+        "u" | "µ" => 1e-6,
+        _ => return None,
+    };
+    // Without the last digits, which the product of decimals leaves.
+    let value: f64 = format!("{:.12e}", factor * number).parse().ok()?;
+    let unit = if unit.is_empty() { String::new() } else { format!("; the unit is {unit}") };
+    Some(format!("{value}, without quotes{unit}"))
+}
+
 /// Error for a value that a parameter, or the item `name` of it, does not accept.
 fn mismatched(
     name: &str,
@@ -355,7 +399,13 @@ fn mismatched(
     let unit = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
     match mismatch {
         Mismatch::Type { expected, found } => {
-            Diagnostic::error("F014", format!("`{name}` takes {expected}, found {found}"), location)
+            let error =
+                Diagnostic::error("F014", format!("`{name}` takes {expected}, found {found}"), location);
+            let text = found.strip_prefix('"').and_then(|text| text.strip_suffix('"'));
+            match text.zip(spec).and_then(|(text, spec)| meant(text, spec)) {
+                Some(meant) => error.help(meant),
+                None => error,
+            }
         }
         Mismatch::Range { found, bounds } => {
             let message = format!("`{name}` is {found}{unit}, out of its range");

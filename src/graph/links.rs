@@ -20,12 +20,20 @@ pub(super) fn feeders(spec: &PortSpec, registry: &Registry) -> String {
     if names.is_empty() { "no node type gives it".into() } else { names.join(", ") }
 }
 
+/// With the help that a name without quotes wants them.
+fn in_quotes(found: Diagnostic, value: &Value) -> Diagnostic {
+    match &value.value {
+        ValueKind::Name(name) => found.help(format!("\"{}\", in quotes", name.value)),
+        _ => found,
+    }
+}
+
 pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &mut Loader) -> Vec<RawLink> {
     let bare = loader.argument(given).is_some();
     let mut wrong = |value: &Value, what: &str| {
         let location = SourceLocation { file: given.location.file, span: value.span() };
         let message = format!("input `{}` takes {what}, found {}", spec.name, value.describe());
-        loader.found.push(Diagnostic::error("F018", message, location).node(&node.id));
+        loader.found.push(in_quotes(Diagnostic::error("F018", message, location).node(&node.id), value));
     };
     let raw = |value: &Value, text: &str| RawLink {
         text: text.to_owned(),
@@ -51,7 +59,8 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
                         let location = other.location.clone();
                         let message =
                             format!("a link is text such as \"node.port\", found {}", other.value.describe());
-                        loader.found.push(Diagnostic::error("F018", message, location).node(&node.id));
+                        let found = Diagnostic::error("F018", message, location).node(&node.id);
+                        loader.found.push(in_quotes(found, &other.value));
                     }
                     _ => {}
                 }

@@ -167,6 +167,19 @@ impl Root {
         self.folders.iter().any(|f| real.starts_with(f)) || self.files.iter().any(|f| f == real)
     }
 
+    /// The first part of a path that is a link inside what may be read, and where it leads.
+    fn link_out(&self, path: &Path) -> Option<String> {
+        let mut part = PathBuf::new();
+        path.components().find_map(|component| {
+            let folder = if part.as_os_str().is_empty() { PathBuf::from(".") } else { part.clone() };
+            part.push(component);
+            let target = fs::read_link(&part).ok()?;
+            fs::canonicalize(folder).is_ok_and(|folder| self.allows(&folder)).then(|| {
+                format!("{:?} is a link to {:?}", part.display().to_string(), target.display().to_string())
+            })
+        })
+    }
+
     /// The real path of a file or folder that may be read.
     fn real(&self, path: &str) -> Result<PathBuf, FileError> {
         let error = |code, message| Err(FileError { code, message });
@@ -182,8 +195,9 @@ impl Root {
             Err(e) => return error("F061", format!("cannot read {path:?}: {e}")),
         };
         if !self.allows(&real) {
+            let link = self.link_out(Path::new(path)).map(|link| format!(" ({link})")).unwrap_or_default();
             let message = format!(
-                "{path:?} lies outside what this graph may read: its own folder, and `assets` and `lib` beside it \
+                "{path:?}{link} lies outside what this graph may read: its own folder, and `assets` and `lib` beside it \
                  (allow more with --allow-read DIR)"
             );
             return error("F062", message);
@@ -410,6 +424,8 @@ mod tests {
         {
             std::os::unix::fs::symlink(base.join("other/a.wav"), base.join("cloth/link.wav")).unwrap();
             assert_eq!(resolve("cloth/link.wav"), Err("F062"));
+            let told = root.resolve(base.join("cloth/link.wav").to_str().unwrap()).unwrap_err().message;
+            assert!(told.contains("link.wav\" is a link to ") && told.contains("other/a.wav"), "{told}");
         }
     }
 

@@ -312,6 +312,15 @@ fn nodes_and_codes_explain_themselves() {
     let one = foley(dir.path(), &["nodes", "Gain", "--json"]);
     let gain: serde_json::Value = serde_json::from_slice(&one.stdout).unwrap();
     assert_eq!(gain["inputs"][0]["name"], "audio");
+    let modal = foley(dir.path(), &["nodes", "Modal"]);
+    let modal = String::from_utf8_lossy(&modal.stdout).into_owned();
+    assert!(
+        modal.contains("ModalBank") && modal.contains("ModesFile") && !modal.contains("WavOut"),
+        "{modal}"
+    );
+    let none = foley(dir.path(), &["nodes", "HihgPass"]);
+    assert_eq!(code(&none), 2);
+    assert!(String::from_utf8_lossy(&none.stderr).contains("did you mean HighPass?"));
     assert_eq!(code(&foley(dir.path(), &["explain", "f025"])), 0);
     assert_eq!(code(&foley(dir.path(), &["explain", "F999"])), 2);
 }

@@ -3,6 +3,8 @@
 mod commands;
 mod diagnostics;
 mod messages;
+#[cfg(unix)]
+mod named_files;
 mod refused;
 mod tools;
 #[cfg(unix)]

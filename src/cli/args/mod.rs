@@ -414,7 +414,7 @@ pub struct PlanArgs {
 /// Arguments of `foley nodes`.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct NodesArgs {
-    /// A node type; without it, all are listed
+    /// A node type, or a word: types whose name, family or summary has it are listed; without it, all
     pub name: Option<String>,
     /// Print JSON
     #[arg(long)]
