@@ -424,8 +424,11 @@ mod tests {
         {
             std::os::unix::fs::symlink(base.join("other/a.wav"), base.join("cloth/link.wav")).unwrap();
             assert_eq!(resolve("cloth/link.wav"), Err("F062"));
-            let told = root.resolve(base.join("cloth/link.wav").to_str().unwrap()).unwrap_err().message;
-            assert!(told.contains("link.wav\" is a link to ") && told.contains("other/a.wav"), "{told}");
+            let message = root.resolve(base.join("cloth/link.wav").to_str().unwrap()).unwrap_err().message;
+            assert!(
+                message.contains("link.wav\" is a link to ") && message.contains("other/a.wav"),
+                "{message}"
+            );
         }
     }
 

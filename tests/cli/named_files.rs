@@ -26,7 +26,7 @@ fn project() -> (tempfile::TempDir, PathBuf) {
     (base, path)
 }
 
-/// Runs a graph in a folder with values from the command line; what it said, and whether it succeeded.
+/// Runs a graph in a folder with values from the command line; whether it succeeded, and its errors.
 fn run(base: &Path, graph: &str, sets: &[&str]) -> (bool, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
     command.current_dir(base.join("piece")).env("HOME", base.join("home"));
@@ -44,31 +44,31 @@ fn absolute_paths_paths_above_and_paths_in_the_home_may_be_set_and_the_graph_may
     let absolute = format!("in.path={}", path.join("beside/b.wav").display());
     let spaced = format!("in.path={}", path.join("beside/with space.wav").display());
     for set in [&absolute[..], &spaced, "in.path=../beside/b.wav", "in.path=~/a.wav"] {
-        let (ok, said) = run(&path, "g.ron", &[set]);
-        assert!(ok, "{set}: {said}");
+        let (ok, errors) = run(&path, "g.ron", &[set]);
+        assert!(ok, "{set}: {errors}");
         assert!(path.join("out/copy.wav").is_file());
         fs::remove_file(path.join("out/copy.wav")).unwrap();
     }
     let graph = path.join("piece/g.ron").display().to_string();
     assert!(run(&path, &graph, &[&absolute]).0);
-    let (ok, said) = run(&path, "g.ron", &["in.path=~/missing.wav"]);
-    assert!(!ok && said.contains("F060") && said.contains("home/missing.wav"), "{said}");
+    let (ok, errors) = run(&path, "g.ron", &["in.path=~/missing.wav"]);
+    assert!(!ok && errors.contains("F060") && errors.contains("home/missing.wav"), "{errors}");
 }
 
 #[test]
-fn what_the_text_of_a_graph_names_stays_confined_and_a_link_that_leads_out_is_told() {
+fn what_the_text_of_a_graph_names_stays_confined_and_a_link_that_leads_out_is_named() {
     let (_base, path) = project();
     let refused = |name: &str| {
         fs::write(path.join("piece/h.ron"), GRAPH.replace("own.wav", name)).unwrap();
-        let (ok, said) = run(&path, "h.ron", &[]);
-        assert!(!ok && said.contains("F062"), "{name}: {said}");
-        said
+        let (ok, errors) = run(&path, "h.ron", &[]);
+        assert!(!ok && errors.contains("F062"), "{name}: {errors}");
+        errors
     };
     refused("../beside/b.wav");
     refused(&path.join("beside/b.wav").display().to_string());
     os::unix::fs::symlink(path.join("beside"), path.join("piece/takes")).unwrap();
-    let said = refused("takes/b.wav");
-    assert!(said.contains("\"takes\" is a link to "), "{said}");
+    let errors = refused("takes/b.wav");
+    assert!(errors.contains("\"takes\" is a link to "), "{errors}");
     // Named on the command line, the same link may be followed.
     assert!(run(&path, "g.ron", &["in.path=takes/b.wav"]).0);
 }

@@ -74,9 +74,9 @@ ports! {
     }
 }
 
-/// The node `SyntheticRoller`.
-#[derive(Debug)]
-pub struct SyntheticRoller {
+/// The sound and the tachometer of a roller, computed from the sample index.
+#[derive(Clone, Debug)]
+pub struct RollerSound {
     params: SyntheticRollerParams,
     random: Random,
     broadband: GaussianNoise,
@@ -84,7 +84,30 @@ pub struct SyntheticRoller {
     partials: Vec<(u64, [[f64; 2]; 2])>,
 }
 
-impl SyntheticRoller {
+impl RollerSound {
+    /// Creates the sound of a roller.
+    #[must_use]
+    pub fn new(params: SyntheticRollerParams, random: Random) -> Self {
+        let partials = vec![(u64::MAX, [[0.0; 2]; 2]); params.harmonics as usize];
+        Self { params, random, broadband: GaussianNoise::new(random, BROADBAND), partials }
+    }
+
+    /// Writes samples `first..` of the sound and of the tachometer, equally many; both are silent before the start and after the end.
+    ///
+    /// # Complexity
+    /// O(samples * harmonics); no allocation.
+    pub fn fill(&mut self, mut first: i64, audio: &mut [f32], turning: &mut [f32]) {
+        let mut white = [0.0; BLOCK];
+        for (audio, turning) in audio.chunks_mut(BLOCK).zip(turning.chunks_mut(BLOCK)) {
+            let white = &mut white[..audio.len()];
+            self.broadband.fill(first, white);
+            for (((index, audio), turning), white) in (first..).zip(audio).zip(turning).zip(&*white) {
+                [*audio, *turning] = self.sample(index, *white);
+            }
+            first += white.len() as i64;
+        }
+    }
+
     /// Growth of the logarithm of speed, 1/s.
     fn growth(&self) -> f64 {
         libm::log(self.params.fastest / self.params.slowest) / self.params.duration
@@ -154,6 +177,12 @@ impl SyntheticRoller {
     }
 }
 
+/// The node over [`RollerSound`].
+#[derive(Debug)]
+pub struct SyntheticRoller {
+    sound: RollerSound,
+}
+
 impl Node for SyntheticRoller {
     type Params = SyntheticRollerParams;
     type Ports = SyntheticRollerPorts;
@@ -173,25 +202,12 @@ impl Node for SyntheticRoller {
     }
 
     fn build(p: &SyntheticRollerParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        Ok(Self {
-            params: p.clone(),
-            random: cx.random,
-            broadband: GaussianNoise::new(cx.random, BROADBAND),
-            partials: vec![(u64::MAX, [[0.0; 2]; 2]); p.harmonics as usize],
-        })
+        Ok(Self { sound: RollerSound::new(p.clone(), cx.random) })
     }
 
     fn run(&mut self, mut io: SyntheticRollerIo<'_>) -> Result<(), Fault> {
-        let mut first = io.audio.first();
-        let mut white = [0.0; BLOCK];
-        for (audio, turning) in io.audio.items().chunks_mut(BLOCK).zip(io.turning.items().chunks_mut(BLOCK)) {
-            let white = &mut white[..audio.len()];
-            self.broadband.fill(first, white);
-            for (((index, audio), turning), white) in (first..).zip(audio).zip(turning).zip(&*white) {
-                [*audio, *turning] = self.sample(index, *white);
-            }
-            first += white.len() as i64;
-        }
+        let first = io.audio.first();
+        self.sound.fill(first, io.audio.items(), io.turning.items());
         Ok(())
     }
 

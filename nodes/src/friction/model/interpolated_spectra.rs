@@ -12,22 +12,15 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::{choices, params, ports};
 
-/// Interpolation of spectra between two measured speeds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Interpolation {
-    /// Displacement: peaks move between frequencies.
-    #[default]
-    Displacement,
-    /// Crossfade of amplitudes: peaks stay where they are.
-    Crossfade,
+choices! {
+    /// Interpolation of spectra between two measured speeds.
+    pub enum Interpolation {
+        /// Displacement, as synthesis does: peaks move between frequencies.
+        Displacement,
+        /// Crossfade of amplitudes, to compare: one peak falls while another rises.
+        Crossfade,
+    }
 }
-
-choices! { @param Interpolation {
-    /// Displacement, as synthesis does: peaks move between frequencies.
-    Displacement,
-    /// Crossfade of amplitudes, to compare: one peak falls while another rises.
-    Crossfade,
-} }
 
 /// Returns a model of the spectra of `model` at `speeds`, in m/s.
 ///
