@@ -39,6 +39,12 @@ impl Ramp {
         [self.at(anchor), self.at(anchor + CELL as i64 - 1)]
     }
 
+    /// The end of the ramp that is nearer at a sample: the old value in its first half, the new one in its second.
+    #[must_use]
+    pub fn nearer_end(&self, sample: i64) -> f64 {
+        if 2 * (sample - self.start) < self.samples as i64 { self.from } else { self.to }
+    }
+
     /// The value from a sample on, if the ramp has ended.
     #[must_use]
     pub fn settled(&self, sample: i64) -> Option<f64> {
@@ -60,5 +66,6 @@ mod tests {
         assert_eq!((ramp.settled(110), ramp.settled(120)), (None, Some(3.0)));
         ramp.ramp_to(0.0, 110);
         assert_eq!([110, 120, 130].map(|n| ramp.at(n)), [2.0, 1.0, 0.0]);
+        assert_eq!([110, 119, 120, 500].map(|n| ramp.nearer_end(n)), [2.0, 2.0, 0.0, 0.0]);
     }
 }

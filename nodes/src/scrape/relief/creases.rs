@@ -15,11 +15,21 @@ pub struct Touch {
     height: f64,
 }
 
-/// The point that a contact touches, and its last position, in pixels.
+/// The point that a contact touches, and its last position, in pixels, on a surface of one size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CreaseVoice {
+    size: f64,
     last: Option<[f64; 2]>,
     touch: Option<Touch>,
+}
+
+impl CreaseVoice {
+    /// Begins again on a surface of another size.
+    pub fn resize(&mut self, size: f64) {
+        if self.size != size {
+            *self = Self { size, ..Self::default() };
+        }
+    }
 }
 
 /// A crease that a contact has crossed.
@@ -215,7 +225,7 @@ impl Creases {
         let creased = (low[1]..=high[1]).any(|y| (low[0]..=high[0]).any(|x| self.has_crease([x, y])));
         if !creased {
             let last = std::array::from_fn(|k| end[k] * self.surface.density[k]);
-            *voice = CreaseVoice { last: Some(last), touch: None };
+            *voice = CreaseVoice { last: Some(last), touch: None, ..*voice };
         }
         !creased
     }

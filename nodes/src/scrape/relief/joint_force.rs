@@ -1,4 +1,4 @@
-//! The impacts of a ball on the far edges of gaps.
+//! The impacts on the far edges of gaps: where the touching point of two surfaces jumps.
 
 use super::creases::{CreaseVoice, Creases};
 use crate::impl_state;
@@ -13,10 +13,12 @@ use crate::scrape::path::piece::velocity;
 const MOST: usize = 4096;
 
 params! {
-    /// Impacts where a ball lands on the far edge of a gap, by the law of ImpactForce.
+    /// Impacts where a contact lands on the far edge of a gap, by the law of ImpactForce.
     pub struct JointParams {
-        /// Strength of the impacts where the slope of the path jumps; 0 for none.
+        /// Strength of the impacts of a ball where the slope of its path jumps; 0 for none.
         impacts: f64 = 1.0, unit "", range 0.0..=1_000_000.0;
+        /// The same of two reliefs. PairMatcher knows no impacts: they would make the reliefs louder than what it compares with them.
+        pair_impacts: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
         /// Effective mass at the contact, if the paths have none.
         mass: f64 = 0.1, unit "kg", range 0.0..=1_000_000.0;
         /// Normal speed after such an impact over that before it.
@@ -77,10 +79,11 @@ impl JointForce {
         }
     }
 
-    /// Finds the creases that a contact crosses in a segment on a surface of a constant size.
+    /// Finds the creases that a contact crosses in a segment on a surface of a size.
     ///
     /// A crease with a jump `ds` of the slope along the path is met at the normal speed `v ds`: the impulse is `m v ds (1 + e)`.
     pub fn find(&mut self, creases: &Creases, size: f64, voice: &mut CreaseVoice, segment: &Segment) {
+        voice.resize(size);
         let path = segment.path();
         let (from, to) = (segment.from, segment.to.min(CELL));
         let mut positions = [[0.0; 2]; CELL];
@@ -102,18 +105,19 @@ impl JointForce {
             let v = velocity(&path, n as f64, segment.rate);
             let speed = v[0] * crossing.gradient[0] + v[1] * crossing.gradient[1];
             if speed > 0.0 && v[0].hypot(v[1]) >= f64::from(AT_REST) {
-                self.strike(segment, n, crossing.at, speed);
+                self.strike(segment, n, crossing.at, speed, self.params.impacts);
             }
         }
     }
 
-    fn strike(&mut self, segment: &Segment, n: usize, at: f64, speed: f64) {
+    /// Adds an impact at a normal speed, in m/s, which begins a part `at` of a step after the sample before `n`.
+    pub fn strike(&mut self, segment: &Segment, n: usize, at: f64, speed: f64, strength: f64) {
         let (mut force, mut gain): (Cell, Cell) = ([0.0; CELL], [0.0; CELL]);
         segment.force(&mut force);
         segment.gain(&mut gain);
         let p = &self.params;
         let mass = segment.piece.mass.map_or(p.mass, f64::from);
-        let strength = p.impacts * self.gain * f64::from(gain[n]);
+        let strength = strength * self.gain * f64::from(gain[n]);
         let impulse = strength * mass * speed * (1.0 + p.restitution);
         // What does not press on the surface does not fall into its gaps.
         if impulse == 0.0 || !impulse.is_finite() || force[n] <= 0.0 {

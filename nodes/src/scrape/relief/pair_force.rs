@@ -6,6 +6,7 @@ use crate::scrape::force::motion::{AT_REST, Heading, Motion};
 use crate::scrape::force::voices::{CELL, Cell, Segment};
 use crate::scrape::path::piece::{position, velocity};
 use fearless_simd::{Level, dispatch};
+use serde::{Deserialize, Serialize};
 
 /// Maximum number of points along the line of contact.
 pub const MAX_TAPS: usize = 129;
@@ -13,6 +14,41 @@ pub const MAX_TAPS: usize = 129;
 const GROUP: usize = 32;
 /// Maximum number of points of such a reading.
 const PROFILE: usize = 512;
+
+/// Points of the line from one touching point to the next from which on a jump counts: one lower point between two.
+const JUMP: usize = 2;
+/// Depth of the gap below a touching point from which on a jump counts, m.
+const SHALLOWEST: f32 = 1e-9;
+
+/// The point at which the surfaces of one contact touch, on surfaces of one size.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PairTouch {
+    size: f64,
+    /// Unit vector of the slip.
+    direction: [f64; 2],
+    /// Offset along the slip at the last sample, m.
+    offset: Option<f64>,
+}
+
+impl PairTouch {
+    /// Begins again on surfaces of another size.
+    pub fn resize(&mut self, size: f64) {
+        if self.size != size {
+            *self = Self { size, ..Self::default() };
+        }
+    }
+}
+
+/// A jump of the touching point, over points that touch nowhere between.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TouchJump {
+    /// Sample after it, from the anchor.
+    pub sample: usize,
+    /// Part of the step to that sample at which it happens, 0 to 1.
+    pub at: f64,
+    /// Change of the speed at which the surfaces part, m/s; above 0.
+    pub speed: f64,
+}
 
 /// The line along which two surfaces touch.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +78,7 @@ pub struct PairForce {
     line: Line,
     motion: Motion,
     profiles: [Vec<f32>; 2],
+    jumps: Vec<TouchJump>,
 }
 
 /// The motion of a contact over both surfaces within a segment, as polynomials in samples.
@@ -87,17 +124,43 @@ impl PairForce {
             line: Line { offsets, gaps, step },
             motion: Motion::new(),
             profiles: [vec![0.0; PROFILE], vec![0.0; PROFILE]],
+            jumps: Vec::with_capacity(CELL),
         }
     }
 
     /// Adds the force of one contact over one segment, N.
     pub fn add(&mut self, reliefs: [&Relief; 2], heading: &mut Heading, segment: &Segment, out: &mut [f32]) {
         let simd = self.simd;
-        dispatch!(simd, _simd => self.segment(reliefs, heading, segment, out));
+        dispatch!(simd, _simd => self.segment(reliefs, heading, None, segment, out));
+    }
+
+    /// As [`add`](Self::add), and returns where the touching point of the contact jumps.
+    ///
+    /// `z` is the largest of many sums, so its rate of change jumps upwards where another one becomes the largest: by the difference of
+    /// their rates, which were as far apart at the sample before.
+    pub fn add_and_follow(
+        &mut self,
+        reliefs: [&Relief; 2],
+        heading: &mut Heading,
+        touch: &mut PairTouch,
+        segment: &Segment,
+        out: &mut [f32],
+    ) -> &[TouchJump] {
+        self.jumps.clear();
+        let simd = self.simd;
+        dispatch!(simd, _simd => self.segment(reliefs, heading, Some(&mut *touch), segment, out));
+        &self.jumps
     }
 
     #[inline(always)]
-    fn segment(&mut self, reliefs: [&Relief; 2], heading: &mut Heading, segment: &Segment, out: &mut [f32]) {
+    fn segment(
+        &mut self,
+        reliefs: [&Relief; 2],
+        heading: &mut Heading,
+        mut touch: Option<&mut PairTouch>,
+        segment: &Segment,
+        out: &mut [f32],
+    ) {
         let path = segment.path();
         let other = segment.other_path().unwrap_or([[0.0; 2]; 4]);
         self.motion.follow(segment, &path, [1.0; 2], heading);
@@ -107,7 +170,7 @@ impl PairForce {
         for group in segment.from / GROUP..last.div_ceil(GROUP) {
             let first = group * GROUP;
             let range = [segment.from.max(first), last.min(first + GROUP)];
-            self.group(reliefs, &paths, first, range, &mut made);
+            self.group(reliefs, &paths, first, range, touch.as_deref_mut(), &mut made);
         }
         // A contact that rests on one side may slip on the other.
         for n in segment.from..last {
@@ -130,10 +193,17 @@ impl PairForce {
         paths: &Paths,
         first: usize,
         [from, to]: [usize; 2],
+        mut touch: Option<&mut PairTouch>,
         out: &mut [f32; CELL],
     ) {
         let middle = (first + GROUP / 2) as f64;
         let t = paths.direction(middle);
+        if let Some(touch) = &mut touch {
+            if touch.direction[0] * t[0] + touch.direction[1] * t[1] < 0.5 {
+                touch.offset = None;
+            }
+            touch.direction = t;
+        }
         let centres = [position(&paths.a, middle), position(&paths.b, middle)];
         // Displacement of both along the direction, from the middle.
         let travel = |c: &[[f64; 2]; 4], centre: [f64; 2], n: usize| {
@@ -159,6 +229,8 @@ impl PairForce {
         }
         let mut z = [f32::MIN; MAX_TAPS];
         let (mut at_a, mut at_b) = ([[0.0; 2]; CELL], [[0.0; 2]; CELL]);
+        // The touching points before jumps, and how far these are below the new ones.
+        let (mut old_a, mut old_b, mut below) = ([[0.0; 2]; CELL], [[0.0; 2]; CELL], [None; CELL]);
         for n in from..to.min(CELL) {
             let (ua, ub) = (position(&paths.a, n as f64), position(&paths.b, n as f64));
             if shared {
@@ -169,8 +241,13 @@ impl PairForce {
                     *z = a.height(along(ua, t, *xi)) + b.height(along(ub, t, -xi)) - gap;
                 }
             }
-            let xi = self.line.highest(&z[..taps]);
+            let (j, xi) = self.line.highest(&z[..taps]);
             (at_a[n], at_b[n]) = (along(ua, t, xi), along(ub, t, -xi));
+            if let Some(touch) = &mut touch {
+                let last = touch.offset.replace(xi).unwrap_or(xi);
+                below[n] = self.line.jump(&z[..taps], last, j);
+                (old_a[n], old_b[n]) = (along(ua, t, last), along(ub, t, -last));
+            }
         }
         let (mut slopes_a, mut slopes_b) = ([[0.0; CELL]; 2], [[0.0; CELL]; 2]);
         a.slopes(centres[0], &at_a, [from, to], &mut slopes_a);
@@ -180,6 +257,22 @@ impl PairForce {
                 (velocity(&paths.a, n as f64, paths.rate), velocity(&paths.b, n as f64, paths.rate));
             let change = |g: &[Cell; 2], v: [f64; 2]| g[0][n] * v[0] as f32 + g[1][n] * v[1] as f32;
             out[n] = change(&slopes_a, va) + change(&slopes_b, vb);
+        }
+        if below.iter().all(Option::is_none) {
+            return;
+        }
+        a.slopes(centres[0], &old_a, [from, to], &mut slopes_a);
+        b.slopes(centres[1], &old_b, [from, to], &mut slopes_b);
+        for (n, below) in below.iter().enumerate() {
+            let Some(below) = below else { continue };
+            let (va, vb) =
+                (velocity(&paths.a, n as f64, paths.rate), velocity(&paths.b, n as f64, paths.rate));
+            let change = |g: &[Cell; 2], v: [f64; 2]| g[0][n] * v[0] as f32 + g[1][n] * v[1] as f32;
+            let speed = f64::from(out[n] - change(&slopes_a, va) - change(&slopes_b, vb));
+            if speed > 0.0 && self.jumps.len() < self.jumps.capacity() {
+                let since = (f64::from(*below) * paths.rate / speed).clamp(0.0, 1.0);
+                self.jumps.push(TouchJump { sample: n, at: 1.0 - since, speed });
+            }
         }
     }
 
@@ -207,9 +300,23 @@ fn higher(a: f32, b: f32) -> f32 {
 }
 
 impl Line {
-    /// Offset at which `z` is highest, by the parabola through the highest point and its neighbours.
+    /// How far the point at an offset is below the highest one if the line is below both between them.
     #[inline(always)]
-    fn highest(&self, z: &[f32]) -> f64 {
+    fn jump(&self, z: &[f32], offset: f64, highest: usize) -> Option<f32> {
+        let half = self.offsets.last().copied().unwrap_or(0.0);
+        let last = ((offset + half) / self.step).round().max(0.0) as usize;
+        if last.abs_diff(highest) < JUMP {
+            return None;
+        }
+        let between = z.get(last.min(highest) + 1..last.max(highest))?;
+        let (old, new) = (z.get(last)?, z.get(highest)?);
+        let lowest = between.iter().fold(f32::MAX, |low, x| low.min(*x));
+        (lowest < old - SHALLOWEST).then_some(new - old)
+    }
+
+    /// The highest point of `z`, and its offset by the parabola through it and its neighbours.
+    #[inline(always)]
+    fn highest(&self, z: &[f32]) -> (usize, f64) {
         let mut best = [f32::MIN; 8];
         let (groups, rest) = z.as_chunks::<8>();
         for group in groups {
@@ -225,11 +332,11 @@ impl Line {
         let j = skipped + z[skipped..].iter().position(|x| *x >= top).unwrap_or(0);
         let offset = self.offsets.get(j).copied().unwrap_or(0.0);
         let (Some(before), Some(after)) = (j.checked_sub(1).and_then(|j| z.get(j)), z.get(j + 1)) else {
-            return offset;
+            return (j, offset);
         };
         let bend = 2.0 * top - before - after;
         let fraction = if bend > 0.0 { (0.5 * (after - before) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-        offset + f64::from(fraction) * self.step
+        (j, offset + f64::from(fraction) * self.step)
     }
 }
 

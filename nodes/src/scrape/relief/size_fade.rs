@@ -43,14 +43,27 @@ impl SizeFade {
         [fraction(self.start), if self.next.is_some() { fraction(self.start + self.samples) } else { 0.0 }]
     }
 
-    /// Calls `draw` for each size that sounds over a segment, with the segment as it lies on the surface of size 1.
-    pub fn add(&self, segment: &Segment, out: &mut [f32], mut draw: impl FnMut(&Segment, &mut [f32])) {
+    /// Weights of both sizes and of the third.
+    fn weights(&self, sample: i64) -> [f64; 3] {
+        let [one, two] = self.progress(sample);
+        [1.0 - one, one * (1.0 - two), two]
+    }
+
+    /// The size with the largest weight at a sample; of equal ones the newest.
+    #[must_use]
+    pub fn dominant(&self, sample: i64) -> f64 {
+        let [first, second, third] = self.weights(sample);
+        match self.next {
+            Some(next) if third >= first.max(second) => next,
+            _ if second >= first => self.to,
+            _ => self.from,
+        }
+    }
+
+    /// Calls `draw` for each size that sounds over a segment, with the size and the segment as it lies on the surface of size 1.
+    pub fn add(&self, segment: &Segment, out: &mut [f32], mut draw: impl FnMut(f64, &Segment, &mut [f32])) {
         let sizes = [Some(self.from), Some(self.to), self.next];
-        let progress = |n: usize| self.progress(segment.anchor + n as i64);
-        let weights = |n: usize| {
-            let [one, two] = progress(n);
-            [1.0 - one, one * (1.0 - two), two]
-        };
+        let weights = |n: usize| self.weights(segment.anchor + n as i64);
         let ends = [weights(segment.from), weights(segment.to.saturating_sub(1))];
         for (k, size) in sizes.into_iter().enumerate() {
             // Weights are straight lines with corners: one that is 0 at both ends may not be in between.
@@ -60,7 +73,7 @@ impl SizeFade {
             scaled.piece = resized(&segment.piece, size);
             let mut cell: Cell = [0.0; CELL];
             let made = segment.part(&mut cell);
-            draw(&scaled, made);
+            draw(size, &scaled, made);
             for (n, (out, x)) in (segment.from..).zip(out.iter_mut().zip(made)) {
                 *out += *x * (weights(n)[k] * size) as f32;
             }
@@ -84,12 +97,14 @@ mod tests {
         assert_eq!(size.progress(-5), [1.0, 0.0]);
         size.ramp_to(2.0, 100);
         assert_eq!([100, 110, 120].map(|n| size.progress(n)[0]), [0.0, 0.5, 1.0]);
+        assert_eq!([100, 109, 110, 500].map(|n| size.dominant(n)), [1.0, 1.0, 2.0, 2.0]);
         size.ramp_to(3.0, 104);
         size.ramp_to(4.0, 110);
         assert_eq!(
             [110, 120, 130, 150].map(|n| size.progress(n)),
             [[0.5, 0.0], [1.0, 0.0], [1.0, 0.5], [1.0, 1.0]]
         );
+        assert_eq!([109, 110, 129, 130, 150].map(|n| size.dominant(n)), [1.0, 2.0, 2.0, 4.0, 4.0]);
         size.ramp_to(5.0, 130);
         assert_eq!((size.from, size.to, size.next, size.start), (2.0, 4.0, Some(5.0), 120));
         size.ramp_to(4.0, 135);

@@ -3,7 +3,7 @@
 use super::creases::{CreaseVoice, Creases, ball_map_and_creases};
 use super::heights::{Relief, heights};
 use super::joint_force::{JointForce, JointParams};
-use super::pair_force::PairForce;
+use super::pair_force::{PairForce, PairTouch};
 use super::size_fade::SizeFade;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -26,6 +26,7 @@ use crate::scrape::map::surface_map::SurfaceMap;
 use crate::scrape::path::piece::PathPiece;
 use crate::texture::Luma;
 use crate::{archive_state, params, ports};
+use serde::{Deserialize, Serialize};
 
 params! {
     /// Excites an object with the force between two surfaces, both with a relief.
@@ -39,12 +40,13 @@ params! {
     /// not reach the bottom of gaps narrower than itself, and hits the edges of each. This is computed before the sound
     /// starts; afterwards the cost is that of MapExcitation.
     ///
-    /// Where the touching point of the ball jumps, as over a joint, the slope of its path jumps by `ds`: the distance between both
-    /// points over the radius, `g/R` for a groove of width `g`. The ball lands on the far edge at the normal speed `v ds`, an impact
-    /// of `J = impacts gain m v ds (1 + restitution)`, whose pulse follows the Hertz law of ImpactForce (`tau`, `energy_ref`,
-    /// `hardness`, `shape`) and adds to the force of the slope. `m` is the effective mass of the contact, or `mass` if it has none. It does
-    /// not depend on `kappa` or on the normal force, as long as there is one. While `scale` ramps there are no impacts. With `b`
-    /// there are none either: impacts are those of a smooth ball. The summary counts them as `impacts`.
+    /// Where the touching point jumps, as over a joint, `dz/dt` jumps upwards by `v ds`. For a ball `ds` is the distance between both
+    /// points over the radius, `g/R` for a groove of width `g`; with `b` it is the difference of the rates at both points. The contact
+    /// lands on the far edge at that normal speed, an impact of `J = impacts gain m v ds (1 + restitution)` (`pair_impacts` in place of
+    /// `impacts` with `b`), whose pulse follows the Hertz law of ImpactForce (`tau`, `energy_ref`, `hardness`, `shape`) and adds to the force of the slope. `m` is the effective mass of the
+    /// contact, or `mass` if it has none. The impact does not depend on `kappa` or on the normal force, as long as there is one. While
+    /// `scale` ramps, joints are those of the old size in the first half and of the new one in the second. With `b` a gap narrower than
+    /// two points of the line of contact is none. The summary counts impacts as `impacts`.
     ///
     /// Where paths have no position on the other surface, that position is constant. `gain`, `kappa`, `a_exponent` and `scale` can change
     /// while the node runs and ramp over 20 ms. A link to `kappa` replaces the number.
@@ -86,6 +88,15 @@ ports! {
     }
 }
 
+/// State of one contact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Contact {
+    heading: Heading,
+    map: MapVoice,
+    crease: CreaseVoice,
+    touch: PairTouch,
+}
+
 /// Method by which the force is computed.
 #[derive(Debug)]
 enum Method {
@@ -101,7 +112,7 @@ pub struct TwoTextures {
     kappa: Option<Strength>,
     method: Method,
     joints: JointForce,
-    voices: Voices<(Heading, MapVoice, CreaseVoice)>,
+    voices: Voices<Contact>,
 }
 
 /// The law of the parameters; a linked strength replaces the number.
@@ -123,7 +134,7 @@ impl Node for TwoTextures {
     type Params = TwoTexturesParams;
     type Ports = TwoTexturesPorts;
     const NAME: &'static str = "TwoTextures";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 
@@ -169,20 +180,36 @@ impl Node for TwoTextures {
             out,
             &mut both,
             |_| Default::default(),
-            |(method, joints), (heading, voice, crease), segment, out| match method {
+            |(method, joints), contact, segment, out| match method {
                 Method::Ball(ball) => {
-                    ball.1.add(&ball.0, voice, segment, out);
-                    match ball.1.scale.settled(segment.anchor).filter(|_| joints.params.impacts > 0.0) {
-                        Some(size) => joints.find(&ball.2, size, crease, segment),
-                        None => *crease = CreaseVoice::default(),
+                    let (map, force, creases) = &mut **ball;
+                    force.add(map, &mut contact.map, segment, out);
+                    if joints.params.impacts > 0.0 {
+                        let size = force.scale.nearer_end(segment.anchor);
+                        joints.find(creases, size, &mut contact.crease, segment);
+                    } else {
+                        contact.crease = CreaseVoice::default();
                     }
                 }
                 Method::Pair(pair) => {
-                    let ([a, b], force, size) = &mut **pair;
-                    let before = *heading;
-                    size.add(segment, out, |segment, out| {
-                        *heading = before;
-                        force.add([a, b], heading, segment, out);
+                    let ([a, b], force, sizes) = &mut **pair;
+                    let (before, dominant) = (contact.heading, sizes.dominant(segment.anchor));
+                    let strength = joints.params.pair_impacts;
+                    let strikes = strength > 0.0;
+                    if strikes {
+                        contact.touch.resize(dominant);
+                    } else {
+                        contact.touch = PairTouch::default();
+                    }
+                    sizes.add(segment, out, |size, scaled, out| {
+                        contact.heading = before;
+                        if !strikes || size != dominant {
+                            return force.add([a, b], &mut contact.heading, scaled, out);
+                        }
+                        let Contact { heading, touch, .. } = contact;
+                        for jump in force.add_and_follow([a, b], heading, touch, scaled, out) {
+                            joints.strike(segment, jump.sample, jump.at, size * jump.speed, strength);
+                        }
                     });
                 }
             },
@@ -193,10 +220,9 @@ impl Node for TwoTextures {
     }
 
     fn finish(&mut self, _: TwoTexturesIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = self.voices.summary();
-        if matches!(self.method, Method::Ball(_)) {
-            summary.push(("impacts", self.joints.count.into()));
-        }
+        let mut summary =
+            self.voices.summary(&self.params.contact, self.kappa.map_or(self.params.kappa, |s| s.kappa));
+        summary.push(("impacts", self.joints.count.into()));
         if self.joints.left_out > 0 {
             summary.push(("impacts_left_out", self.joints.left_out.into()));
         }
