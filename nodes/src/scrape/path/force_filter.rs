@@ -28,6 +28,8 @@ pub struct ForceRules {
     pub median: f64,
     /// Largest force over the larger of median and weight.
     pub limit: f64,
+    /// The same of an unsteady contact.
+    pub unsteady_limit: f64,
 }
 
 /// What is known of a contact in one frame, besides its path.
@@ -39,6 +41,8 @@ pub struct FrameForce {
     pub approach: f64,
     /// Speed of slip, m/s.
     pub slip: f64,
+    /// True of a contact that neither slides, rolls nor rests.
+    pub unsteady: bool,
 }
 
 /// The latest values of a quantity with their durations, s.
@@ -212,7 +216,8 @@ impl ForceFilter {
             let blank = Recent::default();
             ContactForce { contact: sample.contact, last: sample.tick, raw: blank, smooth: blank, weight }
         });
-        let ForceRules { smooth, median, limit } = self.rules;
+        let ForceRules { smooth, median, limit, unsteady_limit } = self.rules;
+        let limit = if frame.unsteady { unsteady_limit } else { limit };
         contact.last = sample.tick;
         if let Some(before) = contact.raw.newest() {
             self.jitter.count(before, force);
@@ -268,7 +273,7 @@ mod tests {
     use super::super::sample::ContactSample;
     use super::*;
 
-    const RULES: ForceRules = ForceRules { smooth: 1.0 / 60.0, median: 0.1, limit: 2.0 };
+    const RULES: ForceRules = ForceRules { smooth: 1.0 / 60.0, median: 0.1, limit: 2.0, unsteady_limit: 1.0 };
 
     /// Forces over frames of a rate, as they leave the filter; the first has a speed of approach.
     fn filtered(
@@ -291,7 +296,9 @@ mod tests {
                 begins: k == 0,
                 ends: k + 1 == count,
             };
-            f64::from(filter.take(&sample, &FrameForce { step: 1.0 / rate, approach, slip: 1.0 }))
+            f64::from(
+                filter.take(&sample, &FrameForce { step: 1.0 / rate, approach, slip: 1.0, unsteady: false }),
+            )
         };
         let out = (0..count).map(frame).collect();
         (out, filter.work)
