@@ -30,16 +30,28 @@ impl ForceRing {
         Self { rate, ring: vec![0.0; frames * points], points, head: 0, pulse }
     }
 
-    /// Adds a pulse that starts `start` samples (more than -1) after the next sample to be read and lasts `time` seconds.
+    /// Adds a pulse that starts `start_samples` samples (more than -1) after the next sample to be read and lasts `time_s` seconds. Returns
+    /// false if not all of it was added: one that is not finite or starts before the last sample is left out, and one that ends more than
+    /// `max_end` seconds (see [`new`](Self::new)) after the next sample is cut off there, with all of its impulse before.
     ///
     /// The sum of its force in N, times the sample interval, is exactly `impulse_ns`, for any start between the samples. A pulse of
-    /// less than four samples becomes a band-limited impulse of eight. Samples beyond the end of the ring are cut off. A point
-    /// beyond the last one counts as the last.
-    pub fn add(&mut self, start: f64, point: usize, impulse_ns: f64, time: f64, shape: PulseShape) {
-        let usable = impulse_ns.is_finite() && impulse_ns != 0.0 && start.is_finite() && start > -1.0;
+    /// less than four samples becomes a band-limited impulse of eight. A point beyond the last one counts as the last.
+    pub fn add(
+        &mut self,
+        start_samples: f64,
+        point: usize,
+        impulse_ns: f64,
+        time_s: f64,
+        shape: PulseShape,
+    ) -> bool {
+        let (start, time) = (start_samples, time_s);
+        let usable = impulse_ns.is_finite() && start.is_finite() && start > -1.0;
         let frames = self.ring.len() / self.points;
         if !usable || start >= frames as f64 {
-            return;
+            return false;
+        }
+        if impulse_ns == 0.0 {
+            return true;
         }
         let single = shape == PulseShape::Impulse;
         let short = !single && ((time * self.rate).is_nan() || time * self.rate < MIN_LENGTH);
@@ -51,9 +63,10 @@ impl ForceRing {
             time * self.rate
         };
         let first = start.ceil().max(0.0) as usize;
-        let last = ((start + length).ceil() as usize).min(frames).max(first);
+        let stop = (start + length).ceil() as usize;
+        let last = stop.min(frames).max(first);
         let count = last - first;
-        let Some(pulse) = self.pulse.get_mut(..count.div_ceil(LANES)) else { return };
+        let Some(pulse) = self.pulse.get_mut(..count.div_ceil(LANES)) else { return false };
         let (phase, step) = ((first as f64 - start) / length, 1.0 / length);
         if short {
             let at = |n: usize| phase + n as f64 * step;
@@ -64,7 +77,7 @@ impl ForceRing {
         pulse.as_flattened_mut().iter_mut().skip(count).for_each(|x| *x = 0.0);
         let scale = impulse_ns * self.rate / sum(pulse);
         if !scale.is_finite() {
-            return;
+            return false;
         }
         // To the end of the ring, then from its start.
         let point = point.min(self.points - 1);
@@ -76,6 +89,7 @@ impl ForceRing {
         for (ring, heights) in [(end, now), (start, later)] {
             ring.iter_mut().zip(heights).for_each(|(force, height)| *force += scale * height);
         }
+        stop <= frames
     }
 
     /// Reads the next samples, interleaved by contact point, into `out`.
@@ -111,7 +125,7 @@ mod tests {
 
     fn pulse(start: f64, impulse: f64, time: f64, shape: PulseShape, rate: f64) -> Vec<f32> {
         let mut ring = ForceRing::new(rate, 1, 0.04);
-        ring.add(start, 0, impulse, time, shape);
+        assert!(ring.add(start, 0, impulse, time, shape));
         let mut out = vec![0.0; (0.05 * rate) as usize];
         ring.read(&mut out);
         out
@@ -209,12 +223,23 @@ mod tests {
     }
 
     #[test]
+    fn a_pulse_beyond_the_end_of_the_ring_is_cut_off_with_its_impulse_and_says_so() {
+        let mut ring = ForceRing::new(1000.0, 1, 0.02);
+        assert!(ring.add(0.0, 0, 1.0, 0.02, PulseShape::Cosine));
+        assert!(!ring.add(25.0, 0, 1.0, 0.02, PulseShape::Cosine));
+        assert!(!ring.add(400.0, 0, 1.0, 0.02, PulseShape::Cosine));
+        let mut out = vec![0.0; 60];
+        ring.read(&mut out);
+        assert!((out.iter().sum::<f32>() / 1000.0 - 2.0).abs() < 1e-6, "{}", out.iter().sum::<f32>());
+    }
+
+    #[test]
     fn invalid_pulses_add_nothing() {
         let mut ring = ForceRing::new(1000.0, 1, 0.01);
         for (start, impulse, time) in
             [(f64::NAN, 1.0, 0.01), (1e9, 1.0, 0.01), (-1.0, 1.0, 0.01), (0.0, f64::INFINITY, 0.01)]
         {
-            ring.add(start, 0, impulse, time, PulseShape::Cosine);
+            assert!(!ring.add(start, 0, impulse, time, PulseShape::Cosine), "{start} {impulse}");
         }
         let mut out = vec![1.0; 50];
         ring.read(&mut out);
