@@ -214,6 +214,9 @@ fn collect(
             let NodeTime { time, calls } = stage.spent()[k];
             let summary = summaries.as_ref().map(|s| s[k].clone()).unwrap_or_default();
             // A cached stream that is read in place of a node does not count as calls of it.
+            if let Some(active) = stage.activity(k) {
+                report.add_activity(n, active);
+            }
             report.add(n, time, if streams.reads(n) { 0 } else { calls }, summary);
             for port in 0..job.graph.nodes[n].ty.outputs.len() {
                 if let Some(value) = stage.value(k, port) {

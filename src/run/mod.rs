@@ -12,6 +12,7 @@ mod job;
 mod memory_tap;
 mod output_files;
 mod report;
+mod silence;
 mod stages;
 mod tap;
 mod tap_writers;
@@ -54,6 +55,8 @@ pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
         checkpoints.remove();
     }
     report.close(job, start.elapsed());
+    let tapped: Vec<_> = job.taps.iter().map(|tap| (tap.node, tap.port)).collect();
+    report.notes.extend(silence::explain(job.graph, &report.nodes, &tapped));
     Ok(report)
 }
 

@@ -28,6 +28,8 @@ pub struct NodeReport {
     pub cached: bool,
     /// Its own summary.
     pub summary: Map<String, Value>,
+    /// A bit for each of its first 64 outputs that has carried anything; None if it did not run.
+    pub activity: Option<u64>,
 }
 
 /// One file that was written.
@@ -84,6 +86,11 @@ impl Report {
             notes: notes.collect(),
             ..Self::default()
         }
+    }
+
+    /// Adds the activity of the outputs of a node.
+    pub(super) fn add_activity(&mut self, n: usize, active: u64) {
+        *self.nodes[n].activity.get_or_insert_default() |= active;
     }
 
     pub(super) fn add(&mut self, n: usize, time: Duration, calls: u64, summary: Summary) {

@@ -145,12 +145,16 @@ pub(super) fn stage_with(
     budget: &Budget,
 ) -> Result<Stage, Vec<Diagnostic>> {
     let site = BuildSite::of(job);
-    assemble(region, values, budget, |runnable| match runnable {
+    let stage = assemble(region, values, budget, |runnable| match runnable {
         Runnable::Node(n) => match streams.reader(n) {
             Some(reader) => reader.map_err(|fault| site.diagnostic(n, fault)),
             None => site.build(n, values),
         },
         Runnable::Tap(k) => streams.writer(k).map_or_else(|| tap_writers::writer(job, k), Ok),
+    });
+    stage.map(|mut stage| {
+        stage.set_activity();
+        stage
     })
 }
 

@@ -6,6 +6,7 @@ mod messages;
 #[cfg(unix)]
 mod named_files;
 mod refused;
+mod silence;
 mod tools;
 #[cfg(unix)]
 mod watch;

@@ -58,6 +58,23 @@ pub enum State {
     Mixed,
 }
 
+impl State {
+    /// All kinds.
+    pub const ALL: [Self; 5] = [Self::Static, Self::Sliding, Self::Rolling, Self::Mixed, Self::Unsteady];
+
+    /// The kind as a lower-case adjective, as parameters name it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Unsteady => "unsteady",
+            Self::Static => "static",
+            Self::Sliding => "sliding",
+            Self::Rolling => "rolling",
+            Self::Mixed => "mixed",
+        }
+    }
+}
+
 /// A frame of a contact with its classification.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactState {

@@ -230,6 +230,16 @@ impl Trial {
         self.standalone(1).shape()
     }
 
+    /// Returns true if every required stream of the node has items, and every port of events an event.
+    pub fn has_input(&self) -> bool {
+        self.feeds.iter().flatten().all(Feed::has_items)
+    }
+
+    /// Returns true if a parameter is 0 whose default is not.
+    pub fn has_zero(&self) -> bool {
+        !self.ty().zeros(&*self.params).is_empty()
+    }
+
     /// Returns the time at which the node ends or is stopped.
     pub fn length(&self) -> Tick {
         self.end

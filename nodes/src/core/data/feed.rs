@@ -18,6 +18,9 @@ pub trait FeedSource: Send + Sync {
     /// Appends the items or events of `[from, to)` to a buffer of their type.
     fn append_to(&self, buffer: &mut dyn AnyBuffer, from: i64, to: i64);
 
+    /// Returns true if there is nothing to append.
+    fn is_empty(&self) -> bool;
+
     /// The type of the events; `None` for items.
     fn event_type(&self) -> Option<&'static EventType> {
         None
@@ -58,6 +61,12 @@ impl Feed {
         &self.shape
     }
 
+    /// Returns false for a stream without items and for no events.
+    #[must_use]
+    pub fn has_items(&self) -> bool {
+        self.source.as_ref().is_none_or(|source| !source.is_empty())
+    }
+
     /// The items or events; `None` for a value.
     #[must_use]
     pub fn source(&self) -> Option<&Arc<dyn FeedSource>> {
@@ -86,6 +95,10 @@ impl<T: Item> FeedSource for Items<T> {
         }
     }
 
+    fn is_empty(&self) -> bool {
+        self.data.is_empty()
+    }
+
     fn vary(&self, item: usize, rng: &mut Rng) -> Option<Feed> {
         let width = T::width(&self.format);
         let mut data = self.data.clone();
@@ -108,6 +121,10 @@ impl<T: Event> FeedSource for Sparse<T> {
                 buffer.push(*tick, event.clone());
             }
         }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.events.is_empty()
     }
 
     fn event_type(&self) -> Option<&'static EventType> {

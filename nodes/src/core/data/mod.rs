@@ -10,3 +10,4 @@ pub mod item;
 pub mod random;
 pub mod state;
 pub mod time;
+pub mod unmatched;

@@ -124,6 +124,17 @@ pub struct NodeType {
 }
 
 impl NodeType {
+    /// Names of the parameters that are 0 although their default is not.
+    #[must_use]
+    pub fn zeros(&self, params: &dyn AnyParams) -> Vec<&'static str> {
+        let specs = (self.params)();
+        let by_default = |name: &str| {
+            specs.iter().any(|spec| spec.name == name && spec.default.as_ref().is_some_and(Datum::is_zero))
+        };
+        let zeros = params.write().into_iter().filter(|(name, datum)| datum.is_zero() && !by_default(name));
+        zeros.map(|(name, _)| name).collect()
+    }
+
     /// The type of a [`Node`].
     #[must_use]
     pub fn of<N: Node>(family: &'static str) -> Self {

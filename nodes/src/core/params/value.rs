@@ -26,6 +26,17 @@ pub enum Datum {
 }
 
 impl Datum {
+    /// Returns true for 0, and for a list of nothing but 0.
+    #[must_use]
+    pub fn is_zero(&self) -> bool {
+        match self {
+            Self::Int(i) => *i == 0,
+            Self::Float(x) => *x == 0.0,
+            Self::List(all) => !all.is_empty() && all.iter().all(Self::is_zero),
+            _ => false,
+        }
+    }
+
     /// Describes the value, for messages.
     #[must_use]
     pub fn describe(&self) -> String {

@@ -55,6 +55,8 @@ pub struct Stage {
     guarded: bool,
     /// The first node with such an output since the last look.
     not_finite: Option<usize>,
+    /// For each node, a bit for each of its first 64 outputs that has carried anything; empty if this is not recorded.
+    active: Vec<u64>,
 }
 
 impl Stage {
@@ -81,7 +83,20 @@ impl Stage {
             growing,
             guarded: false,
             not_finite: None,
+            active: Vec::new(),
         }
+    }
+
+    /// Records from now on which outputs carry anything.
+    pub fn set_activity(&mut self) {
+        self.active = vec![0; self.nodes.len()];
+    }
+
+    /// The outputs of a node that have carried anything since [`set_activity`](Self::set_activity), a bit for each of the first 64: a
+    /// number that is not 0, an event, or an item of another type.
+    #[must_use]
+    pub fn activity(&self, node: usize) -> Option<u64> {
+        self.active.get(node).copied()
     }
 
     /// Measures the time in each node from now on.
@@ -157,7 +172,18 @@ impl Stage {
     /// stage is of no use afterwards.
     pub fn run(&mut self) -> Result<(), StageFault> {
         let Self {
-            buffers, spans, nodes, spent, timed, poison, steady, growing, guarded, not_finite, ..
+            buffers,
+            spans,
+            nodes,
+            spent,
+            timed,
+            poison,
+            steady,
+            growing,
+            guarded,
+            not_finite,
+            active,
+            ..
         } = self;
         let shared = Shared { buffers, spans, poison: *poison, closing: false };
         for (k, (stage_node, spent)) in nodes.iter_mut().zip(spent).enumerate() {
@@ -175,6 +201,9 @@ impl Stage {
                 }
                 if *guarded && silence_not_finite(&cx) {
                     not_finite.get_or_insert(k);
+                }
+                if let Some(active) = active.get_mut(k) {
+                    *active |= newly_active(&cx, *active);
                 }
             }
             if !*steady || !copies.is_empty() {
@@ -289,6 +318,7 @@ impl Stage {
     pub fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), (Option<usize>, Fault)> {
         let whole = |fault| (None, fault);
         archive.each(&mut self.spans).map_err(whole)?;
+        archive.each(&mut self.active).map_err(whole)?;
         for buffer in &mut self.buffers {
             buffer.get_mut().any_mut().archive_state(archive).map_err(whole)?;
         }
@@ -334,6 +364,29 @@ fn silence_not_finite(cx: &Cx<'_>) -> bool {
             written.fill(0.0);
             found = true;
         }
+    }
+    found
+}
+
+/// The outputs of a node that carry something in this window, of those that have not yet.
+fn newly_active(cx: &Cx<'_>, active: u64) -> u64 {
+    let mut found = 0;
+    for (port, wire) in cx.outputs.iter().enumerate().take(64) {
+        let bit = 1 << port;
+        let carries = match wire {
+            _ if active & bit != 0 => continue,
+            OutWire::Value(_) => true,
+            OutWire::Stream { buffer, clock, .. } | OutWire::Events { buffer, clock } => {
+                let span = cx.span(*clock);
+                let mut buffer = cx.shared.buffers[*buffer].borrow_mut();
+                let samples = buffer.typed_mut::<StreamBuffer<f32>>();
+                match samples.map(|all| all.last_mut((span.to - span.from).max(0) as usize)) {
+                    Some(written) => written.iter().any(|x| *x != 0.0),
+                    None => buffer.any().has_events(span.from, span.to).unwrap_or(span.to > span.from),
+                }
+            }
+        };
+        found |= if carries { bit } else { 0 };
     }
     found
 }

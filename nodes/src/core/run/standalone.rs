@@ -226,6 +226,7 @@ impl Standalone {
         let at = wiring.nodes.len() - 1;
         let mut stage = Stage::new(wiring.buffers, wiring.clocks, wiring.nodes);
         stage.set_poison(self.poison);
+        stage.set_activity();
         let until = works + delay;
         let specs = self.ty.outputs;
         Ok(StandaloneRun {
@@ -443,6 +444,12 @@ impl StandaloneRun {
             Some(outputs) => outputs,
             None => self.stage.outputs(self.at),
         }
+    }
+
+    /// Returns true if no output has carried anything so far; see [`Stage::activity`].
+    #[must_use]
+    pub fn is_silent(&self) -> bool {
+        self.stage.activity(self.at) == Some(0)
     }
 
     /// Returns the items of a stream output so far.

@@ -4,6 +4,7 @@ use super::chain::{Chain, ChainRules};
 use super::repertoire::ContactSound;
 use crate::core::random::Random;
 use crate::core::time::{Rate, Tick};
+use crate::core::unmatched::Unmatched;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::Component;
 use crate::rigid::{ContactState, State};
@@ -55,8 +56,10 @@ pub struct ContactPairs {
     pub not_finite: u64,
     /// Frames of pairs for which there was no room.
     pub dropped: u64,
+    /// Frames of other objects.
+    pub others: Unmatched<[u32; 2]>,
 }
-crate::impl_state!(ContactPairs { pairs, frames, count, not_finite, dropped });
+crate::impl_state!(ContactPairs { pairs, frames, count, not_finite, dropped, others });
 
 impl ContactPairs {
     /// Up to `room` pairs at a time, of which one body is `object`, with the sounds of sliding and of rolling.
@@ -71,7 +74,8 @@ impl ContactPairs {
             })
         });
         let pairs = Vec::with_capacity(room);
-        Self { pairs, room, object, sounds, ranges, frames: 0, count: 0, not_finite: 0, dropped: 0 }
+        let others = Unmatched::default();
+        Self { pairs, room, object, sounds, ranges, frames: 0, count: 0, not_finite: 0, dropped: 0, others }
     }
 
     /// Copies the pairs of others with the same sounds.
@@ -82,7 +86,7 @@ impl ContactPairs {
         self.pairs.clear();
         self.pairs.extend(old.pairs.iter().take(self.room).copied());
         (self.frames, self.count) = (old.frames, old.count);
-        (self.not_finite, self.dropped) = (old.not_finite, old.dropped);
+        (self.not_finite, self.dropped, self.others) = (old.not_finite, old.dropped, old.others);
     }
 
     /// Sets the levels of a pair from the frames that were summed.
@@ -120,6 +124,7 @@ impl ContactPairs {
         }
         let bodies = state.frame.bodies;
         if self.object.is_some_and(|object| !bodies.contains(&object)) {
+            self.others.add(bodies);
             return;
         }
         let shares = match state.state {

@@ -14,6 +14,7 @@ use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick, ticks};
+use crate::core::unmatched::Unmatched;
 use crate::dsp::{Trigger, db_to_linear};
 use crate::grain::correlation::CorrelationPatterns;
 use crate::grain::dictionary::GrainDictionary;
@@ -133,6 +134,8 @@ pub struct GrainRetarget {
     impact_counts: Vec<u64>,
     /// Events that are not finite, or whose ratio is out of range.
     not_finite: u64,
+    /// Impacts on other objects.
+    others: Unmatched<u32>,
     scratch: Vec<f32>,
     notices: Vec<String>,
 }
@@ -234,10 +237,11 @@ impl GrainRetarget {
             } else if times[0] == Some(tick) {
                 let impact = &impacts[i].1;
                 i += 1;
-                let is_wanted = self.params.object.is_none_or(|object| object == impact.object);
-                if !impact.is_valid() {
+                if self.params.object.is_some_and(|object| object != impact.object) {
+                    self.others.add(impact.object);
+                } else if !impact.is_valid() {
                     self.not_finite += 1;
-                } else if is_wanted {
+                } else {
                     self.strike_by_energy(f64::from(impact.energy), frame);
                 }
             } else {
@@ -254,6 +258,18 @@ impl GrainRetarget {
         }
         self.contacts.advance(rate.tick(to), rate);
         self.render(next, out);
+    }
+}
+
+impl GrainRetarget {
+    /// Why nothing of the object is heard.
+    fn silent(&self) -> Option<String> {
+        let impacts = self.others.no_object("impact", self.params.object);
+        let contacts = self.contacts.others.list(|[a, b]| format!("{a}-{b}")).zip(self.params.object);
+        let contacts =
+            contacts.map(|(there, object)| format!("no contact is of {object}; there are {there}"));
+        Some([impacts, contacts].into_iter().flatten().collect::<Vec<_>>().join(", "))
+            .filter(|text| !text.is_empty())
     }
 }
 
@@ -323,6 +339,7 @@ impl Node for GrainRetarget {
             impact_counts: vec![0; sounds.len()],
             sounds,
             not_finite: 0,
+            others: Unmatched::default(),
             scratch: vec![0.0; window.min(65_536) * usize::from(p.channels)],
             notices,
             digest: dictionary.id(),
@@ -356,6 +373,9 @@ impl Node for GrainRetarget {
             if count > 0 {
                 summary.push((name, count.into()));
             }
+        }
+        if self.impact_counts.iter().all(|count| *count == 0) && contacts.count == 0 {
+            summary.extend(self.silent().map(|text| ("silent", text.into())));
         }
         summary.extend(self.notices.iter().map(|text| ("warning", text.clone().into())));
         Ok(summary)
@@ -398,10 +418,10 @@ impl Node for GrainRetarget {
         }
         self.contacts.take_state(&old.contacts);
         self.impact_counts.iter_mut().zip(&old.impact_counts).for_each(|(new, old)| *new = *old);
-        self.not_finite = old.not_finite;
+        (self.not_finite, self.others) = (old.not_finite, old.others);
     }
 
-    archive_state!(voices, contacts, impact_counts, not_finite);
+    archive_state!(voices, contacts, impact_counts, not_finite, others);
 
     fn trial(rng: &mut Rng) -> (GrainRetargetParams, MemoryFiles) {
         let params = GrainRetargetParams {

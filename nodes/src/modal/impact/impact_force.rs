@@ -12,6 +12,7 @@ use crate::core::ports::{Events, Stream};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, seconds, ticks};
+use crate::core::unmatched::Unmatched;
 use crate::{archive_state, choices, params, ports};
 
 /// Time after an impact within which its micro-collisions start, in s.
@@ -104,6 +105,8 @@ pub struct ImpactForce {
     beyond_last: u64,
     /// Smallest and largest magnitude of an impulse, N s.
     impulses: [f32; 2],
+    /// Impacts on other objects.
+    others: Unmatched<u32>,
 }
 
 /// Range of impulses in dB above which the summary warns: what is so far below the strongest is not heard beside it.
@@ -171,16 +174,29 @@ impl Node for ImpactForce {
 
     fn build(p: &ImpactForceParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let ring = ForceRing::new(p.rate.as_f64(), p.points.into(), LONGEST + MICRO_SPAN);
-        Ok(Self { params: p.clone(), random: cx.random, ring, count: 0, beyond_last: 0, impulses: [0.0; 2] })
+        Ok(Self {
+            params: p.clone(),
+            random: cx.random,
+            ring,
+            count: 0,
+            beyond_last: 0,
+            impulses: [0.0; 2],
+            others: Unmatched::default(),
+        })
     }
 
     fn run(&mut self, mut io: ImpactForceIo<'_>) -> Result<(), Fault> {
         let (rate, width) = (io.force.rate(), io.force.width());
         let (mut next, mut out) = (io.force.first(), io.force.items());
         let object = self.params.object;
-        let impacts =
-            io.impacts.events().iter().filter(|(_, impact)| object.is_none_or(|o| o == impact.object));
-        for (tick, impact) in impacts.filter(|(_, impact)| impact.is_valid()) {
+        for (tick, impact) in io.impacts.events() {
+            if object.is_some_and(|o| o != impact.object) {
+                self.others.add(impact.object);
+                continue;
+            }
+            if !impact.is_valid() {
+                continue;
+            }
             let item = rate.first_at(*tick).max(next);
             let frames = ((item - next) as usize).min(out.len() / width);
             let (now, later) = out.split_at_mut(frames * width);
@@ -197,6 +213,12 @@ impl Node for ImpactForce {
         if self.beyond_last > 0 {
             summary.push(("beyond_the_last_point", self.beyond_last.into()));
         }
+        let silent = if self.count == 0 {
+            self.others.no_object("impact", self.params.object)
+        } else {
+            (self.impulses[1] == 0.0).then(|| "no impact has an impulse".to_owned())
+        };
+        summary.extend(silent.map(|text| ("silent", text.into())));
         summary.extend(range_warning(self.impulses).map(|text| ("warning", text.into())));
         Ok(summary)
     }
@@ -213,9 +235,10 @@ impl Node for ImpactForce {
     fn adopt(&mut self, old: &mut Self) {
         self.ring.take_state(&old.ring);
         (self.count, self.beyond_last, self.impulses) = (old.count, old.beyond_last, old.impulses);
+        self.others = old.others;
     }
 
-    archive_state!(ring, count, beyond_last, impulses);
+    archive_state!(ring, count, beyond_last, impulses, others);
 
     fn trial(rng: &mut Rng) -> (ImpactForceParams, MemoryFiles) {
         let params = ImpactForceParams::trial(rng);
@@ -344,5 +367,18 @@ mod tests {
     fn impacts_that_are_not_finite_are_skipped() {
         let hit = Impact { impulse: f32::NAN, ..impact(0.1) };
         assert!(force(params(), vec![(0, hit), (5, impact(0.0))], ticks(0.01)).iter().all(|f| *f == 0.0));
+    }
+
+    #[test]
+    fn a_wrong_object_says_which_ones_there_are() {
+        let hit = |object: u32| (ticks(0.02), Impact { object, ..impact(0.1) });
+        let p = ImpactForceParams { object: Some(77), ..params() };
+        let standalone = Standalone::new::<ImpactForce>(p);
+        let run = standalone
+            .events(ImpactForcePorts::impacts, vec![hit(1), hit(4), hit(1)], ticks(0.1))
+            .run()
+            .unwrap();
+        let silent = run.summary.iter().find(|(k, _)| *k == "silent").unwrap();
+        assert_eq!(silent.1, "no impact has object 77; there are 1, 4");
     }
 }

@@ -8,6 +8,7 @@ use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::ports::{Events, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::core::unmatched::Unmatched;
 use crate::modal::impact::event::Impact;
 use crate::{archive_state, params, ports};
 use std::sync::Arc;
@@ -61,6 +62,8 @@ pub struct ImpactProjector {
     count: u64,
     /// Impacts too far from the surface, and the largest distance, m.
     far: (u64, f64),
+    /// Impacts on other objects.
+    others: Unmatched<u32>,
 }
 
 impl ImpactProjector {
@@ -97,14 +100,25 @@ impl Node for ImpactProjector {
         let shapes = cx.value(ImpactProjectorPorts::shapes);
         shapes.validate().map_err(|e| Fault::new("F078", e).at("shapes"))?;
         let (index, extent) = (SurfaceIndex::new(shapes.surface()), shapes.surface().extent());
-        Ok(Self { params: p.clone(), shapes, index, extent, count: 0, far: (0, 0.0) })
+        Ok(Self {
+            params: p.clone(),
+            shapes,
+            index,
+            extent,
+            count: 0,
+            far: (0, 0.0),
+            others: Unmatched::default(),
+        })
     }
 
     fn run(&mut self, mut io: ImpactProjectorIo<'_>) -> Result<(), Fault> {
         let object = self.params.object;
         for (tick, impact) in io.impacts.events() {
-            let own = object.is_none_or(|object| object == impact.object) && impact.is_valid();
-            if let Some(projected) = own.then(|| self.project(impact)).flatten() {
+            if object.is_some_and(|object| object != impact.object) {
+                self.others.add(impact.object);
+                continue;
+            }
+            if let Some(projected) = impact.is_valid().then(|| self.project(impact)).flatten() {
                 io.projected.push(*tick, projected);
             }
         }
@@ -114,6 +128,9 @@ impl Node for ImpactProjector {
     fn finish(&mut self, _: ImpactProjectorIo<'_>) -> Result<Summary, Fault> {
         let mut summary: Summary = vec![("impacts", self.count.into())];
         let (far, distance) = self.far;
+        let silent =
+            self.others.no_object("impact", self.params.object).filter(|_| self.count == 0 && far == 0);
+        summary.extend(silent.map(|text| ("silent", text.into())));
         if far > 0 {
             let limit = self.params.max_off_surface * self.extent;
             summary.push(("left_out_off_the_surface", far.into()));
@@ -131,10 +148,10 @@ impl Node for ImpactProjector {
     }
 
     fn adopt(&mut self, old: &mut Self) {
-        (self.count, self.far) = (old.count, old.far);
+        (self.count, self.far, self.others) = (old.count, old.far, old.others);
     }
 
-    archive_state!(count, far);
+    archive_state!(count, far, others);
 
     fn trial(rng: &mut Rng) -> (ImpactProjectorParams, MemoryFiles) {
         let params = ImpactProjectorParams {

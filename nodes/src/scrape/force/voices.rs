@@ -8,7 +8,9 @@ use crate::archive_state;
 use crate::core::node::Summary;
 use crate::core::state::Stateful;
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
+use crate::core::unmatched::Unmatched;
 use crate::dsp::LevelMeter;
+use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::path::piece::{PathPiece, position, shifted};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -119,13 +121,17 @@ pub struct Voices<S> {
     pub most: usize,
     /// Pieces without a free voice.
     pub left_out: u64,
+    /// Pieces of other objects.
+    others: Unmatched<u32>,
+    /// Pieces with an amplitude.
+    audible: u64,
     meter: LevelMeter,
     /// The sample after the last one made.
     now: i64,
 }
 
 impl<S: Serialize + DeserializeOwned> Stateful for Voices<S> {
-    archive_state!(voices, most, left_out, meter, now);
+    archive_state!(voices, most, left_out, others, audible, meter, now);
 }
 
 impl<S: Clone> Voices<S> {
@@ -145,7 +151,16 @@ impl<S: Clone> Voices<S> {
         };
         let voice = Voice { start: Tick::MIN, end: Tick::MIN, piece, state: blank };
         let voices = vec![voice; count.max(1)];
-        Self { voices, rate, most: 0, left_out: 0, meter: LevelMeter::default(), now: 0 }
+        Self {
+            voices,
+            rate,
+            most: 0,
+            left_out: 0,
+            others: Unmatched::default(),
+            audible: 0,
+            meter: LevelMeter::default(),
+            now: 0,
+        }
     }
 
     /// Takes a piece; `fresh` makes the state of one that does not continue from another.
@@ -182,10 +197,15 @@ impl<S: Clone> Voices<S> {
     ) {
         out.fill(0.0);
         let (mut next, last) = (first, first + out.len() as i64);
-        for (tick, piece) in events.iter().filter(|(_, p)| object.is_none_or(|o| o == p.object)) {
+        for (tick, piece) in events {
+            if object.is_some_and(|o| o != piece.object) {
+                self.others.add(piece.object);
+                continue;
+            }
             if !is_sound(piece) {
                 continue;
             }
+            self.audible += u64::from(piece.gain != [0.0; 2]);
             let item = self.rate.first_at(*tick).clamp(next, last);
             self.sweep(first, (next, item), out, &mut sound);
             next = item;
@@ -235,9 +255,9 @@ impl<S: Clone> Voices<S> {
         self.now
     }
 
-    /// Returns the summary of a run: level of the force, and number of contacts.
+    /// Returns the summary of a run: level of the force, number of contacts, and why there is no force although `kappa` and the gain are not 0.
     #[must_use]
-    pub fn summary(&self) -> Summary {
+    pub fn summary(&self, contact: &ContactForceParams, kappa: f64) -> Summary {
         let level = self.meter.level();
         let mut summary: Summary = vec![
             ("peak_n", level.peak.into()),
@@ -247,10 +267,17 @@ impl<S: Clone> Voices<S> {
         if self.left_out > 0 {
             summary.push(("left_out", self.left_out.into()));
         }
-        if self.most > 0 && level.peak == 0.0 {
-            let text = "contacts make no force: nothing moves, the surface is even (an image of one tone?), or `gain` or `kappa` is 0";
-            summary.push(("warning", text.into()));
-        }
+        let silent = if level.peak > 0.0 || kappa * contact.gain == 0.0 {
+            None
+        } else if self.audible > 0 {
+            Some(
+                "contacts make no force: nothing moves, or the surface is even (an image of one tone?)"
+                    .to_owned(),
+            )
+        } else {
+            self.others.no_object("path", contact.object).filter(|_| self.most == 0)
+        };
+        summary.extend(silent.map(|text| ("silent", text.into())));
         summary
     }
 
@@ -289,6 +316,7 @@ impl<S: Clone> Voices<S> {
         if (old.voices.len(), old.rate) == (self.voices.len(), self.rate) {
             self.voices.clone_from_slice(&old.voices);
             (self.most, self.left_out) = (old.most, old.left_out);
+            (self.others, self.audible) = (old.others, old.audible);
         }
         (self.meter, self.now) = (old.meter, old.now);
     }

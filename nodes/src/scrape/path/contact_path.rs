@@ -14,6 +14,7 @@ use crate::core::ports::{Events, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Tick, ticks};
+use crate::core::unmatched::Unmatched;
 use crate::rigid::{ContactFrame, ContactState, State};
 use crate::spatial::pose::unit;
 use crate::texture::Luma;
@@ -79,8 +80,8 @@ params! {
     ///
     /// The force is averaged twice over the last `force_smooth` seconds, one frame of 60 Hz: solvers alternate between too much and too
     /// little force, and the sound must not depend on the rate of the log. The mean is causal and adds no latency; with frames of 1/60 s
-    /// or longer it has no effect. What exceeds `force_limit` times the larger of the median over `force_median` seconds and the weight is
-    /// an impact, which ImpactForce makes audible, and is left out. The weight is that of the effective mass; if none is known, that of
+    /// or longer it has no effect. What exceeds `force_limit` (`unsteady_limit` while a contact is unsteady) times the larger of the median
+    /// over `force_median` seconds and the weight is an impact, which ImpactForce makes audible, and is left out. The weight is that of the effective mass; if none is known, that of
     /// the mass that the first impact had. The summary has the share of the friction work (friction coefficient times force times slip
     /// times time) in frames that sound, `friction_work_heard`, and the share of the smoothed work in these that was left out as part of
     /// impacts, `friction_work_of_impacts`.
@@ -130,6 +131,8 @@ params! {
         force_median: f64 = 0.1, unit "s", range 0.0..=1.0;
         /// Largest force over the larger of median and weight.
         force_limit: f64 = 2.0, unit "", range 1.0..=1_000_000.0;
+        /// The same while a contact is unsteady.
+        unsteady_limit: f64 = 1.0, unit "", range 1.0..=1_000_000.0;
         /// Distance from the predicted position beyond which a contact has jumped, in pixels of the map.
         teleport: f64 = 8.0, unit "px", range 0.01..=1_000_000.0;
         /// Pixels per metre of that map without a linked image.
@@ -167,6 +170,10 @@ pub struct ContactPath {
     /// Contacts of one pair at one time, while they are being joined.
     pairs: Vec<(ContactSample, FrameForce, f64)>,
     forces: ForceFilter,
+    /// Frames of contacts of each kind.
+    kinds: [u64; State::ALL.len()],
+    /// Contacts of other pairs.
+    others: Unmatched<[u32; 2]>,
     /// All contacts before this time have been processed.
     processed: Tick,
     /// Pixels per metre of the linked image.
@@ -186,7 +193,12 @@ fn rules(p: &ContactPathParams, density: Option<f64>) -> PathRules {
 }
 
 fn force_rules(p: &ContactPathParams) -> ForceRules {
-    ForceRules { smooth: p.force_smooth, median: p.force_median, limit: p.force_limit }
+    ForceRules {
+        smooth: p.force_smooth,
+        median: p.force_median,
+        limit: p.force_limit,
+        unsteady_limit: p.unsteady_limit,
+    }
 }
 
 fn axes(p: &ContactPathParams) -> Result<[Vec3; 2], Reject> {
@@ -210,7 +222,12 @@ fn frame_force(contact: &ContactState) -> FrameForce {
     let approach = f64::from(frame.approach.unwrap_or(along.abs()));
     let slip = f64::from(contact.sliding);
     let known = |x: f64| if x.is_finite() { x.max(0.0) } else { 0.0 };
-    FrameForce { step: step(frame.interval), approach: known(approach), slip: known(slip) }
+    FrameForce {
+        step: step(frame.interval),
+        approach: known(approach),
+        slip: known(slip),
+        unsteady: contact.state == State::Unsteady,
+    }
 }
 
 impl ContactPath {
@@ -254,6 +271,34 @@ impl ContactPath {
         }
     }
 
+    /// Why no contact is heard.
+    fn silent(&self) -> Option<String> {
+        let p = &self.params;
+        let frames: u64 = self.kinds.iter().sum();
+        if frames == 0 {
+            let there = self.others.list(|[a, b]| format!("{a}-{b}"))?;
+            let wanted = match (p.a, p.b) {
+                (Some(a), Some(b)) => format!("between {a} and {b}"),
+                (Some(a), None) => format!("of {a} as the first body"),
+                (None, Some(b)) => format!("of {b} as the second body"),
+                (None, None) => return None,
+            };
+            return Some(format!("no contact {wanted}; there are {there}"));
+        }
+        let mut kinds = State::ALL.into_iter().zip(self.kinds).filter(|(_, count)| *count > 0);
+        if kinds.clone().any(|(state, _)| self.weight(state) > 0.0) {
+            return None;
+        }
+        let count = |(state, count): (State, u64)| {
+            let word = state.word();
+            let off = if state == State::Static { String::new() } else { format!(" (`{word}` is 0)") };
+            format!("{count} {word}{off}")
+        };
+        let first = kinds.next().map(count)?;
+        let all = kinds.fold(first, |all, kind| format!("{all}, {}", count(kind)));
+        Some(format!("of {frames} frames none is heard: {all}"))
+    }
+
     /// Merges a contact into the one of its pair.
     fn gather(&mut self, sample: ContactSample, frame: FrameForce, bodies: [u32; 2]) {
         let contact = PathPiece::pair(bodies);
@@ -285,6 +330,7 @@ impl ContactPath {
         pair.force += sample.force;
         pair_frame.slip += share * (frame.slip - pair_frame.slip);
         pair_frame.approach = pair_frame.approach.max(frame.approach);
+        pair_frame.unsteady |= frame.unsteady;
         pair.begins &= sample.begins;
         *total += weight;
     }
@@ -302,8 +348,15 @@ impl ContactPath {
             c.frame.force.is_finite() && numbers.into_iter().all(|x| x.is_finite())
         };
         for (tick, contact) in contacts {
-            if !self.takes(&contact.frame) || !usable(contact) {
+            if !self.takes(&contact.frame) {
+                self.others.add(contact.frame.bodies);
                 continue;
+            }
+            if !usable(contact) {
+                continue;
+            }
+            if let Some(kind) = State::ALL.iter().position(|state| *state == contact.state) {
+                self.kinds[kind] += 1;
             }
             self.tracker.due(*tick, &mut self.queue);
             let (sample, frame) = (self.sample(*tick, contact), frame_force(contact));
@@ -323,7 +376,7 @@ impl Node for ContactPath {
     type Params = ContactPathParams;
     type Ports = ContactPathPorts;
     const NAME: &'static str = "ContactPath";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 50.0;
 
@@ -349,6 +402,8 @@ impl Node for ContactPath {
             queue: Queue::new(WAITING * room),
             pairs: Vec::with_capacity(room),
             forces: ForceFilter::new(force_rules(p), room),
+            kinds: [0; State::ALL.len()],
+            others: Unmatched::default(),
             params: p.clone(),
             processed: Tick::MIN,
             density,
@@ -384,6 +439,7 @@ impl Node for ContactPath {
             summary.push(("friction_work_heard", share(work.heard, work.all).into()));
             summary.push(("friction_work_of_impacts", (1.0 - share(work.limited, work.smoothed)).into()));
         }
+        summary.extend(self.silent().map(|text| ("silent", text.into())));
         let warning = self.forces.jitter.warning(self.params.force_smooth);
         summary.extend(warning.map(|text| ("warning", text.into())));
         Ok(summary)
@@ -407,13 +463,14 @@ impl Node for ContactPath {
     fn adopt(&mut self, old: &mut Self) {
         self.tracker.take_state(&old.tracker);
         self.forces.take_state(&old.forces);
+        (self.kinds, self.others) = (old.kinds, old.others);
         self.queue.take_state(&old.queue);
         if rules(&old.params, None).latency() == rules(&self.params, None).latency() {
             self.processed = old.processed;
         }
     }
 
-    archive_state!(tracker, queue, pairs, forces, processed);
+    archive_state!(tracker, queue, pairs, forces, kinds, others, processed);
 
     fn trial(rng: &mut Rng) -> (ContactPathParams, MemoryFiles) {
         let params = ContactPathParams::trial(rng);

@@ -105,6 +105,10 @@ impl<E: Clone + Serialize + DeserializeOwned + Send + 'static> AnyBuffer for Eve
         self.end
     }
 
+    fn has_events(&self, from: i64, to: i64) -> Option<bool> {
+        Some(!self.view(from, to).is_empty())
+    }
+
     fn pad_to(&mut self, to: i64) {
         self.advance(to);
     }

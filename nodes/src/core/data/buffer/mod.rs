@@ -34,6 +34,11 @@ pub struct LateEvents {
 pub trait AnyBuffer: Any + Send {
     /// First position after the last item: an item index, or the watermark tick for events.
     fn end(&self) -> i64;
+    /// Returns true if there are events in `[from, to)`; None for a stream.
+    fn has_events(&self, from: i64, to: i64) -> Option<bool> {
+        let _ = (from, to);
+        None
+    }
     /// Moves the end to `to` with items made by the pad rule.
     fn pad_to(&mut self, to: i64);
     /// Appends `[from, to)` of a buffer of the same type, which must hold it.

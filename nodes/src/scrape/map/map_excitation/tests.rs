@@ -440,12 +440,22 @@ fn a_code_beside_a_map_is_refused() {
 }
 
 #[test]
-fn an_even_surface_has_a_warning_of_silence() {
+fn an_even_surface_says_why_it_is_silent() {
     let warned = |map: DiscontinuityMap| {
         let run = standalone(params(), map, vec![(0, piece([0.03, 0.0], [0.5, 0.0], 0.2))], 0.2).run().unwrap();
-        run.summary.iter().any(|(k, text)| *k == "warning" && text.to_string().contains("even"))
+        run.summary.iter().any(|(k, text)| *k == "silent" && text.to_string().contains("even"))
     };
     let surface = Surface { density: [512.0; 2], ..Surface::default() };
     let even = DiscontinuityMap { gx: Grid::from_fn(64, 64, |_, _| 0.0), gy: Grid::from_fn(64, 64, |_, _| 0.0), surface };
     assert!(warned(even) && !warned(grating(40.0, 512.0)));
+}
+
+#[test]
+fn a_wrong_object_says_which_ones_there_are() {
+    let of = |object: u32| (0, PathPiece { object, ..piece([0.03, 0.0], [0.5, 0.0], 0.2) });
+    let mut p = params();
+    p.contact.object = Some(7);
+    let run = standalone(p, grating(40.0, 512.0), vec![of(2), of(0), of(2)], 0.2).run().unwrap();
+    let silent = run.summary.iter().find(|(k, _)| *k == "silent").unwrap();
+    assert_eq!(silent.1, "no path has object 7; there are 2, 0");
 }

@@ -265,3 +265,29 @@ fn edits_while_it_sounds_do_not_move_the_path() {
 }
 
 mod rates;
+
+#[test]
+fn contacts_that_are_not_heard_are_counted() {
+    let silent = |p: ContactPathParams, states: Vec<State>| {
+        let frame = |(k, state): (usize, State)| {
+            let mut one = contact([0.01 * k as f64, 0.0], [0.6, 0.0]);
+            (one.state, one.frame.bodies) = (state, [1, 2 + (k % 2) as u32]);
+            (ticks(FRAME * k as f64), one)
+        };
+        let run = standalone(p, states.into_iter().enumerate().map(frame).collect()).run().unwrap();
+        let text = run.summary.iter().find(|(k, _)| *k == "silent");
+        text.map(|(_, text)| text.as_str().unwrap().to_owned())
+    };
+    let sliding = || vec![State::Sliding; 4];
+    assert_eq!(silent(params(), sliding()), None);
+    let p = ContactPathParams { a: Some(2), b: Some(99), ..params() };
+    assert_eq!(silent(p, sliding()).unwrap(), "no contact between 2 and 99; there are 1-2, 1-3");
+    let p = ContactPathParams { b: Some(9), ..params() };
+    assert_eq!(silent(p, sliding()).unwrap(), "no contact of 9 as the second body; there are 1-2, 1-3");
+    let p = ContactPathParams { unsteady: 0.0, ..params() };
+    let kinds = vec![State::Static, State::Static, State::Unsteady];
+    assert_eq!(
+        silent(p, kinds).unwrap(),
+        "of 3 frames none is heard: 2 static, 1 unsteady (`unsteady` is 0)"
+    );
+}

@@ -1,0 +1,66 @@
+//! What a filter has refused, for the report of a node that stays silent.
+
+use serde::{Deserialize, Serialize};
+use std::fmt::Display;
+
+/// Maximum number of different keys that are remembered.
+const MOST: usize = 8;
+
+/// Items that a filter has refused: their number, and the first 8 different keys of them, such as numbers of objects.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Unmatched<K> {
+    count: u64,
+    keys: [Option<K>; MOST],
+    more: bool,
+}
+
+impl<K: Copy> Default for Unmatched<K> {
+    fn default() -> Self {
+        Self { count: 0, keys: [None; MOST], more: false }
+    }
+}
+
+impl<K: Copy + PartialEq> Unmatched<K> {
+    /// Counts an item.
+    pub fn add(&mut self, key: K) {
+        self.count += 1;
+        if self.keys.iter().flatten().any(|known| *known == key) {
+            return;
+        }
+        match self.keys.iter_mut().find(|slot| slot.is_none()) {
+            Some(slot) => *slot = Some(key),
+            None => self.more = true,
+        }
+    }
+
+    /// Returns the keys, each as `text` has it, or None if nothing was refused: "1, 4", or "1, 4 and more".
+    pub fn list<T: Display>(&self, text: impl Fn(K) -> T) -> Option<String> {
+        let keys: Vec<String> = self.keys.iter().flatten().map(|key| text(*key).to_string()).collect();
+        let more = if self.more { " and more" } else { "" };
+        (self.count > 0).then(|| format!("{}{more}", keys.join(", ")))
+    }
+}
+
+impl Unmatched<u32> {
+    /// Why a node that reads one object has had nothing to do; None if it reads all, or if there was nothing at all.
+    #[must_use]
+    pub fn no_object(&self, what: &str, object: Option<u32>) -> Option<String> {
+        let there = self.list(|object| object)?;
+        Some(format!("no {what} has object {}; there are {there}", object?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn different_keys_are_listed_once_each() {
+        let mut all = Unmatched::default();
+        assert_eq!(all.no_object("impact", Some(7)), None);
+        [4, 1, 4].into_iter().for_each(|key| all.add(key));
+        assert_eq!(all.no_object("impact", Some(7)).unwrap(), "no impact has object 7; there are 4, 1");
+        (10..20).for_each(|key| all.add(key));
+        assert_eq!(all.list(|key| key).unwrap(), "4, 1, 10, 11, 12, 13, 14, 15 and more");
+    }
+}
