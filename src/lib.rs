@@ -3,6 +3,29 @@
 //! Data goes down these rooms once: [`lang`] reads the text, [`graph`] checks it, [`plan`] finds what it needs,
 //! [`run`] runs it. [`Session`] leads through all of them. [`diag`] describes errors, [`watch`] detects changed files,
 //! and [`cli`] is the command.
+//!
+//! # A graph run to files, and to memory
+//!
+//! [`run_file`] runs a graph file; a [`Session`] has settings, and taps any output as a typed array:
+//!
+//! ```
+//! use foley::Session;
+//! use foley::run::StreamTap;
+//! use std::sync::Arc;
+//!
+//! let mut session = Session::from_file("graphs/impact/strikes.ron").with_until(Some(0.5));
+//! let sound = Arc::new(StreamTap::<f32>::new());
+//! session.tap("loud", &sound);
+//! session.render_to_memory()?;
+//! assert!(sound.take().is_some_and(|stream| stream.data.iter().any(|x| *x != 0.0)));
+//! # Ok::<(), foley::Errors>(())
+//! ```
+//!
+//! # One algorithm without a graph
+//!
+//! [`nodes`] is the library `foley-nodes`: functions and structs on slices, without the runtime. The chapter "From another tool" of the book
+//! (`foley docs from-another-tool`) has ten lines for each family, among them the mel cepstrum of a file and a modal bank under impacts; "The node library in your
+//! program" (`foley docs library`) goes on from there.
 #![forbid(unsafe_code)]
 // Messages go through `cli::console`: the macros panic where nobody reads them.
 #![cfg_attr(not(test), deny(clippy::print_stderr, clippy::print_stdout))]
@@ -25,7 +48,7 @@ pub mod watch;
 
 pub use foley_nodes as nodes;
 pub use foley_nodes::registry::Registry;
-pub use session::{Errors, Session};
+pub use session::{Errors, Session, run_file};
 
 // The Rust examples of the book are compiled and run with the documentation tests.
 #[cfg(doctest)]

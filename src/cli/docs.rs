@@ -4,18 +4,51 @@ use super::Exit;
 use super::args::{Args, DocsArgs};
 use super::console::stdout;
 use super::run::write_whole;
-use crate::docs::pages;
+use crate::docs::{page, page_names, pages};
 use anyhow::Context as _;
 use clap::CommandFactory as _;
 use foley_nodes::registry::Registry;
 use std::fs;
 use std::io::Write as _;
 
-/// Writes the generated pages of the book, or checks that they are up to date.
+/// Prints a page of the book or lists all, writes the pages that come from the code, or checks that they are up to date.
 ///
 /// # Errors
 /// When a page cannot be read or written.
 pub fn docs(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
+    if args.write || args.check { generate(args, registry) } else { print(args, registry) }
+}
+
+/// Prints a page of the book, or a list of all.
+fn print(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
+    let all = page_names(registry);
+    let Some(name) = &args.page else {
+        let width = all.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
+        for (name, title) in &all {
+            writeln!(stdout(), "{name:<width$}  {title}")?;
+        }
+        writeln!(stdout(), "\n`foley docs NAME` prints a page")?;
+        return Ok(Exit::Done);
+    };
+    if let Some(text) = page(name, Args::command(), registry) {
+        write!(stdout(), "{text}")?;
+        return Ok(Exit::Done);
+    }
+    let near = all.iter().filter(|(page, title)| {
+        let word = name.to_lowercase();
+        page.contains(&word) || title.to_lowercase().contains(&word)
+    });
+    let near: Vec<&str> = near.map(|(page, _)| page.as_str()).collect();
+    let help = if near.is_empty() {
+        "`foley docs` lists all".to_owned()
+    } else {
+        format!("there are: {}", near.join(", "))
+    };
+    super::console::tell(format_args!("the book has no page `{name}`; {help}"));
+    Ok(Exit::Wrong)
+}
+
+fn generate(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
     let source = args.root.join("docs/src");
     if !source.join("SUMMARY.md").is_file() {
         super::console::tell(format_args!(

@@ -4,14 +4,14 @@ use super::Exit;
 use super::args::DrawArgs;
 use super::console::stdout;
 use super::run::{show, write_whole};
-use crate::draw::{Drawing, svg};
+use crate::draw::{Drawing, svg, text};
 use crate::plan::{Plan, PlanOptions};
 use foley_nodes::core::time::ticks;
 use foley_nodes::registry::Registry;
 use std::io::Write as _;
 use std::sync::Arc;
 
-/// Draws a graph; rates and formats are there where the graph can be planned.
+/// Lists or draws a graph; rates and formats are there where the graph can be planned.
 ///
 /// # Errors
 /// When the drawing cannot be written.
@@ -23,10 +23,11 @@ pub fn draw(args: &DrawArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let Some(found) = loaded.graph else { return Ok(Exit::Wrong) };
     let options = PlanOptions { until: Some(ticks(until)), memory: usize::MAX, ..PlanOptions::default() };
     let plan = Plan::new(&found, &files, &options).ok();
-    let text = svg(&Drawing::of(&found, plan.as_ref()));
+    let drawing = Drawing::of(&found, plan.as_ref());
     match &args.svg {
-        Some(path) => write_whole(path, &text)?,
-        None => write!(stdout(), "{text}")?,
+        Some(path) if path.as_os_str() == "-" => write!(stdout(), "{}", svg(&drawing))?,
+        Some(path) => write_whole(path, &svg(&drawing))?,
+        None => write!(stdout(), "{}", text(&drawing))?,
     }
     Ok(Exit::Done)
 }

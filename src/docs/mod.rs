@@ -2,11 +2,13 @@
 //!
 //! [`pages`] makes their texts; none of their content is written by hand.
 
+mod guide;
 mod nodes;
 
 use crate::diag::codes;
 use clap::Command;
 use foley_nodes::registry::Registry;
+use guide::GUIDE;
 use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
@@ -29,6 +31,36 @@ pub fn pages(root: &Path, command: Command, registry: &Registry) -> io::Result<V
     let summary = std::fs::read_to_string(root.join("docs/src/SUMMARY.md"))?;
     pages.push(("SUMMARY.md".to_owned(), with_reference(&summary, &registry.families())));
     Ok(pages)
+}
+
+/// A page of the book by its name, such as `cloth`, `errors` or `nodes/scrape`; those of the reference come from the code.
+#[must_use]
+pub fn page(name: &str, command: Command, registry: &Registry) -> Option<String> {
+    let name = name.trim_end_matches(".md").trim_start_matches("reference/");
+    if let Some((_, text)) = GUIDE.iter().find(|(page, _)| *page == name) {
+        return Some((*text).to_owned());
+    }
+    let families = registry.families();
+    match name {
+        "nodes" => Some(nodes::index(registry)),
+        "errors" => Some(errors()),
+        "cli" => Some(cli(command)),
+        _ => {
+            let family = families.into_iter().find(|family| name.strip_prefix("nodes/") == Some(family))?;
+            Some(nodes::family_page(family, registry, &Default::default()))
+        }
+    }
+}
+
+/// Names and titles of all pages, in the order of the book.
+#[must_use]
+pub fn page_names(registry: &Registry) -> Vec<(String, String)> {
+    let guide = GUIDE.iter().map(|(name, text)| ((*name).to_owned(), guide::title(text).to_owned()));
+    let reference = [("nodes", "Nodes"), ("errors", "Errors"), ("cli", "The command")];
+    let reference = reference.map(|(name, title)| (name.to_owned(), title.to_owned()));
+    let families = registry.families().into_iter();
+    let families = families.map(|family| (format!("nodes/{family}"), format!("Nodes: {family}")));
+    guide.chain(reference).chain(families).collect()
 }
 
 fn errors() -> String {

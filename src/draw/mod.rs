@@ -1,13 +1,15 @@
 //! A graph as a layered drawing: sources on the left, files on the right, links by kind.
 //!
-//! [`Drawing::of`] takes the boxes and links of a graph, [`assign_coordinates`] lays them out, `svg` formats them.
+//! [`Drawing::of`] takes the boxes and links of a graph, [`assign_coordinates`] lays them out, `svg` formats them; `text` lists them.
 
 mod coordinates;
 mod layers;
 mod svg;
+mod text;
 
 pub use coordinates::{Coordinates, assign_coordinates};
 pub use svg::svg;
+pub use text::text;
 
 use crate::graph::Graph;
 use crate::plan::Plan;

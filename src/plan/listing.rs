@@ -9,6 +9,9 @@ use foley_nodes::core::time::{Tick, seconds};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
+/// Nodes up to which a plan lists them all.
+const SMALL: usize = 20;
+
 impl Plan {
     /// Returns the bytes of the buffers of each output, largest first: node, port, bytes.
     #[must_use]
@@ -39,19 +42,23 @@ impl Plan {
         chain
     }
 
-    /// Formats the plan as text.
+    /// Formats the plan as text, on one page or with a line for each node (`long`). A small graph has all its lines in any case.
     #[must_use]
-    pub fn text(&self, graph: &Graph) -> String {
+    pub fn text(&self, graph: &Graph, long: bool) -> String {
+        let long = long || graph.nodes.len() <= SMALL;
         let mut out = String::new();
         let _ = writeln!(
             out,
-            "{} nodes, {} phases, windows of {:.1} ms, {} of buffers",
+            "{} node(s), {} phase(s), windows of {:.1} ms, {} of buffers",
             graph.nodes.len(),
             self.phases.len(),
             seconds(self.window) * 1e3,
             format_bytes(self.bytes)
         );
-        for (n, phase) in &self.values {
+        if !long && !self.values.is_empty() {
+            let _ = writeln!(out, "{} values before the streams", self.values.len());
+        }
+        for (n, phase) in self.values.iter().filter(|_| long) {
             let _ = writeln!(
                 out,
                 "value  {} ({}), before phase {}",
@@ -71,7 +78,7 @@ impl Plan {
                 format_bytes(phase.bytes)
             );
             for (r, region) in phase.regions.iter().enumerate() {
-                for node in &region.nodes {
+                for node in region.nodes.iter().filter(|_| long) {
                     let Runnable::Node(n) = node.runnable else { continue };
                     let streams = self.shapes[n].outputs.iter().flatten();
                     let shape: Vec<String> = streams.map(|s| format!("{s:?}")).collect();
@@ -86,8 +93,10 @@ impl Plan {
                 }
             }
         }
-        let sinks = (0..graph.nodes.len()).filter(|&n| graph.nodes[n].ty.outputs.is_empty());
-        for n in sinks {
+        let sinks: Vec<usize> =
+            (0..graph.nodes.len()).filter(|&n| graph.nodes[n].ty.outputs.is_empty()).collect();
+        let shown = if long { sinks.len() } else { SMALL };
+        for &n in sinks.iter().take(shown) {
             let _ =
                 write!(out, "\nlatency of {}: {:.3} ms", graph.nodes[n].id, seconds(self.latency(n)) * 1e3);
             for cause in self.latency_chain(n).iter().filter(|c| c.ahead > 0) {
@@ -99,11 +108,17 @@ impl Plan {
                 );
             }
         }
+        if sinks.len() > shown {
+            let _ = write!(out, "\nlatency of {} more nodes", sinks.len() - shown);
+        }
         out.push_str("\n\nlargest buffers:\n");
         for (n, port, bytes) in self.bytes_by_output().into_iter().take(8) {
             let node = &graph.nodes[n];
             let _ =
                 writeln!(out, "  {:>10}  {}.{}", format_bytes(bytes), node.id, node.ty.outputs[port].name);
+        }
+        if !long {
+            let _ = writeln!(out, "\n--long lists all {} nodes", graph.nodes.len());
         }
         out
     }

@@ -21,6 +21,24 @@ use foley_nodes::registry::Registry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Runs a graph file with its own settings, and leaves what it writes in a folder; [`Session`] has all settings.
+///
+/// # Errors
+/// All that is wrong with the graph, or the faults of the nodes that failed; nothing is left in the folder then.
+///
+/// # Example
+///
+/// ```
+/// let folder = std::env::temp_dir().join("foley-run-file-example");
+/// let report = foley::run_file("graphs/impact/strikes.ron", &folder)?;
+/// assert!(report.outputs[0].path.ends_with("strikes.wav") && report.length > 1.0);
+/// # std::fs::remove_dir_all(&folder).unwrap();
+/// # Ok::<(), foley::Errors>(())
+/// ```
+pub fn run_file(graph: impl Into<PathBuf>, out: impl AsRef<Path>) -> Result<Report, Errors> {
+    Session::from_file(graph).render(out.as_ref())
+}
+
 /// Source of the text of a graph.
 #[derive(Clone, Debug)]
 enum Source {

@@ -35,7 +35,7 @@ fn a_new_project_runs_and_can_be_drawn() {
     for text in ["Wind", "air", "HighPass", "cutoff", "48000 Hz, mono", "closes a loop"] {
         assert_eq!(drawn.contains(text), text != "cutoff" && text != "closes a loop", "{text}");
     }
-    assert_eq!(stdout(&foley(&project, &["graph", "wind.ron"])), drawn);
+    assert_eq!(stdout(&foley(&project, &["graph", "wind.ron", "--svg", "-"])), drawn);
 }
 
 #[test]
@@ -60,8 +60,22 @@ Graph(nodes: {
     \"out\": WavOut(audio: \"room\", path: \"a.wav\"),
 })";
     fs::write(dir.path().join("a.ron"), text).unwrap();
-    let drawn = stdout(&foley(dir.path(), &["graph", "a.ron"]));
+    let drawn = stdout(&foley(dir.path(), &["graph", "a.ron", "--svg", "-"]));
     assert!(drawn.contains("44100 Hz, stereo") && drawn.contains("closes a loop"), "{drawn}");
+    let listed = stdout(&foley(dir.path(), &["graph", "a.ron"]));
+    let lines = [
+        "wind  Noise       [44100 Hz, stereo]",
+        "echo  Feedback  audio <- room (closes a loop); like <- wind  [44100 Hz, stereo]",
+        "room  Mix       inputs <- wind, echo  [44100 Hz, stereo]",
+        "out   WavOut    audio <- room",
+    ];
+    for line in lines {
+        assert!(listed.lines().any(|l| l == line), "{line}\n{listed}");
+    }
+    // The plan of a graph without end is that of its first second.
+    let planned = foley(dir.path(), &["plan", "a.ron"]);
+    assert!(stdout(&planned).contains("latency of out"), "{planned:?}");
+    assert!(String::from_utf8_lossy(&planned.stderr).contains("never ends"), "{planned:?}");
 }
 
 #[test]
@@ -104,7 +118,15 @@ fn docs_are_written_and_then_up_to_date() {
     stdout(&foley(dir.path(), &["docs", "--check"]));
     assert!(!source.join("reference/nodes/gone.md").exists());
     assert!(fs::read_to_string(source.join("reference/nodes/dsp.md")).unwrap().contains("## Gain\n"));
-    assert_ne!(foley(dir.path(), &["docs"]).status.code(), Some(0), "write or check is required");
+    // The pages of the book are in the program.
+    let listed = stdout(&foley(dir.path(), &["docs"]));
+    assert!(listed.contains("cloth") && listed.contains("nodes/scrape"), "{listed}");
+    let page = stdout(&foley(dir.path(), &["docs", "cloth"]));
+    assert_eq!(page, include_str!("../../docs/src/cloth.md"));
+    assert!(stdout(&foley(dir.path(), &["docs", "nodes/scrape"])).contains("## TwoTextures"));
+    let wrong = foley(dir.path(), &["docs", "clot"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("there are: cloth"), "{wrong:?}");
 }
 
 /// A reader that has seen enough, such as `head`, is no reason to panic.

@@ -26,36 +26,61 @@ pub struct Args {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run a graph to its end and write its files
+    #[command(
+        after_help = "Examples:\n  foley run graphs/cloth/sheet.ron\n  foley run piece.ron --set cloth.path=cape.abc --tap mix.audio=mix.svg"
+    )]
     Run(RunArgs),
     /// Run a graph again after each save of it or of a file that it reads, or keep it playing with --live
+    #[command(after_help = "Examples:\n  foley watch piece.ron\n  foley watch piece.ron --live")]
     Watch(WatchArgs),
     /// Play a graph, and take OSC and JSON lines while it plays
+    #[command(
+        after_help = "Examples:\n  foley live graphs/texture/live.ron --device null --for 5\n  foley live piece.ron --osc 9001 --json"
+    )]
     Live(LiveArgs),
     /// Find everything that is wrong with graphs, without running them
+    #[command(after_help = "Examples:\n  foley check piece.ron\n  foley check graphs/cloth/*.ron --json")]
     Check(CheckArgs),
     /// Lay out graph files; comments and grouping stay
+    #[command(after_help = "Examples:\n  foley fmt piece.ron\n  foley fmt --check graphs/cloth/*.ron")]
     Fmt(FmtArgs),
     /// Show rates, delays, buffers, memory and latency before running
+    #[command(after_help = "Examples:\n  foley plan piece.ron\n  foley plan graphs/cloth/live.ron --long")]
     Plan(PlanArgs),
     /// List node types, or describe one
+    #[command(after_help = "Examples:\n  foley nodes modal\n  foley nodes ModalBank")]
     Nodes(NodesArgs),
     /// Explain the code of an error
+    #[command(after_help = "Examples:\n  foley explain F025\n  foley explain f048")]
     Explain(ExplainArgs),
-    /// Draw a graph
+    /// List the nodes of a graph with what they read and give, or draw it
+    #[command(after_help = "Examples:\n  foley graph piece.ron\n  foley graph piece.ron --svg piece.svg")]
     Graph(DrawArgs),
     /// Measure audio files: level, loudness, and where their energy lies
+    #[command(after_help = "Examples:\n  foley levels out/sheet.wav\n  foley levels out/*.wav --json")]
     Levels(LevelsArgs),
     /// Compare a sound with the recordings that it was made of: repeats, lines of the envelope, and statistics
+    #[command(
+        after_help = "Examples:\n  foley likeness out/sheet.wav takes/*.wav\n  foley likeness out/sheet.wav takes/*.wav --unit 1/240 --svg likeness.svg"
+    )]
     Likeness(LikenessArgs),
     /// Inspect, empty or explain the cached results of earlier runs
+    #[command(
+        after_help = "Examples:\n  foley cache stat piece.ron\n  foley cache why piece.ron cotton.friction"
+    )]
     Cache(CacheArgs),
     /// Make a small project that runs
+    #[command(after_help = "Examples:\n  foley new wind\n  foley run wind/wind.ron")]
     New(NewArgs),
     /// Print the format of graphs, with all node types, as a JSON schema
     Schema,
-    /// Write or check the pages of the book that come from the code
+    /// Print a page of the book; write or check the pages that come from the code
+    #[command(after_help = "Examples:\n  foley docs\n  foley docs cloth")]
     Docs(DocsArgs),
     /// Print completions for a shell
+    #[command(
+        after_help = "Examples:\n  foley completions bash > ~/.local/share/bash-completion/completions/foley\n  foley completions zsh > _foley"
+    )]
     Completions(CompletionsArgs),
 }
 
@@ -101,19 +126,31 @@ impl GraphArgs {
 #[derive(Clone, Debug, ClapArgs)]
 pub struct LimitArgs {
     /// Maximum memory for buffers, and for a file that is read as a whole, such as 512M
-    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, default_value = "4G", value_parser = parse_size)]
+    #[arg(long, hide_short_help = true, help_heading = "Limits", value_name = "SIZE", allow_negative_numbers = true, default_value = "4G", value_parser = parse_size)]
     pub memory: usize,
     /// Maximum size of one input file
-    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, value_parser = parse_size, default_value = "64G")]
+    #[arg(long, hide_short_help = true, help_heading = "Limits", value_name = "SIZE", allow_negative_numbers = true, value_parser = parse_size, default_value = "64G")]
     pub max_file: usize,
     /// Maximum number of nodes
-    #[arg(long, value_name = "COUNT", default_value_t = 20_000)]
+    #[arg(
+        long,
+        hide_short_help = true,
+        help_heading = "Limits",
+        value_name = "COUNT",
+        default_value_t = 20_000
+    )]
     pub max_nodes: usize,
     /// Maximum number of links
-    #[arg(long, value_name = "COUNT", default_value_t = 200_000)]
+    #[arg(
+        long,
+        hide_short_help = true,
+        help_heading = "Limits",
+        value_name = "COUNT",
+        default_value_t = 200_000
+    )]
     pub max_links: usize,
     /// Maximum depth of sub-graphs
-    #[arg(long, value_name = "COUNT", default_value_t = 16, value_parser = clap::value_parser!(u8).range(1..=64))]
+    #[arg(long, hide_short_help = true, help_heading = "Limits", value_name = "COUNT", default_value_t = 16, value_parser = clap::value_parser!(u8).range(1..=64))]
     pub max_depth: u8,
 }
 
@@ -406,6 +443,9 @@ pub struct PlanArgs {
     /// The engine.
     #[command(flatten)]
     pub engine: EngineArgs,
+    /// List every node, also of a large graph
+    #[arg(long)]
+    pub long: bool,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -434,7 +474,7 @@ pub struct DrawArgs {
     /// The graph.
     #[command(flatten)]
     pub graph: GraphArgs,
-    /// Write the drawing to this file, instead of to standard output
+    /// Draw it as SVG into this file, `-` for standard output, instead of listing it as text
     #[arg(long, value_name = "FILE")]
     pub svg: Option<PathBuf>,
 }
@@ -478,13 +518,15 @@ pub struct NewArgs {
 
 /// Arguments of `foley docs`.
 #[derive(Clone, Debug, ClapArgs)]
-#[command(group = clap::ArgGroup::new("mode").required(true))]
 pub struct DocsArgs {
-    /// Write the pages
-    #[arg(long, group = "mode")]
+    /// A page of the book to print, such as cloth or nodes/scrape; without it, all pages are listed
+    #[arg(conflicts_with_all = ["write", "check"])]
+    pub page: Option<String>,
+    /// Write the pages that come from the code
+    #[arg(long, conflicts_with = "check")]
     pub write: bool,
-    /// Write nothing; fail where a page would change
-    #[arg(long, group = "mode")]
+    /// Write nothing; fail where a page that comes from the code would change
+    #[arg(long)]
     pub check: bool,
     /// Folder that holds the book in `docs` and example graphs in `graphs`
     #[arg(long, value_name = "DIR", default_value = ".")]
