@@ -8,6 +8,40 @@
 //! put together from recordings, [`grain`] for grains of recordings that follow contacts, [`likeness`] for comparisons with recordings, [`take`] for takes cut out of raw
 //! recordings, and [`table`] for tables of results. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
 //! needs first.
+//!
+//! # Mel cepstrum of a sound
+//!
+//! ```
+//! use foley_nodes::core::time::Rate;
+//! use foley_nodes::feature::{FeatureConventions, MelCepstrum};
+//!
+//! let sound: Vec<f32> = (0..48_000).map(|n| (0.002 * (n as f32).powi(2)).sin()).collect();
+//! let conventions = FeatureConventions::cloth(Rate::hz(48_000), 600);
+//! let mut cepstrum = MelCepstrum::new(&conventions, 1e-10);
+//! let mut features = vec![0.0; conventions.dims()];
+//! for frame in sound.chunks_exact(cepstrum.frame()) {
+//!     cepstrum.process(frame, &mut features);
+//! }
+//! ```
+//!
+//! [`io::AudioReader`] reads the samples of a file.
+//!
+//! # Modes under impacts
+//!
+//! ```
+//! use foley_nodes::modal::{Bank, BankOutput, ForceRing, Modes, PulseShape};
+//!
+//! let bell = Modes::new("bell", vec![440.0, 1210.0], vec![3.0, 5.0], vec![1.0, 0.5])?;
+//! let (mut force, mut sound) = (vec![0.0; 44_100], vec![0.0; 44_100]);
+//! // One contact point, and pulses that end at most a second after the next sample.
+//! let mut ring = ForceRing::new(44_100.0, 1, 1.0);
+//! for (seconds, newton_seconds) in [(0.0, 0.01), (0.25, 0.003), (0.4, 0.02)] {
+//!     assert!(ring.add(seconds * 44_100.0, 0, newton_seconds, 0.001, PulseShape::Cosine));
+//! }
+//! ring.read(&mut force);
+//! Bank::new(&bell, 44_100.0, BankOutput::Acceleration)?.process(&force, &mut sound);
+//! # Ok::<(), foley_nodes::modal::ModesError>(())
+//! ```
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::print_stderr, clippy::print_stdout))]
 

@@ -3,7 +3,12 @@
 use super::report::NodeReport;
 use crate::graph::{Graph, Link};
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
+use serde_json::Value;
 use std::collections::BTreeSet;
+
+/// Parameters that multiply what a node gives.
+const FACTORS: [&str; 8] =
+    ["gain", "gains", "kappa", "level", "amplitude", "impacts", "impulse", "full_scale"];
 
 /// An output port: its node and its number.
 type Output = (usize, usize);
@@ -81,7 +86,8 @@ impl Search<'_> {
 
     /// Explains a node that gave nothing; `whole` as in [`follow`](Self::follow).
     fn explain(&mut self, n: usize, whole: bool) {
-        if !self.visited.insert(n) {
+        let is_off = self.reports[n].summary.get("off").and_then(Value::as_bool).unwrap_or(false);
+        if is_off && !whole || !self.visited.insert(n) {
             return;
         }
         let node = &self.graph.nodes[n];
@@ -92,11 +98,13 @@ impl Search<'_> {
         let quiet = |link: Output| self.is_active(link) == Some(false) || self.reason(link.0).is_some();
         let (silent, heard): (Vec<_>, Vec<_>) = links.into_iter().partition(|(_, link)| quiet(*link));
         let zeros = node.ty.zeros(&*node.params);
-        let reason = self.reason(n).map(str::to_owned).or_else(|| match &zeros[..] {
-            [] => None,
-            [one] => Some(format!("`{one}` is 0")),
-            many => Some(format!("`{}` are 0", many.join("`, `"))),
-        });
+        let zero = zeros.into_iter().find(|name| FACTORS.contains(name));
+        let zero = zero.filter(|_| !heard.is_empty() || silent.is_empty());
+        let reason = match self.reason(n) {
+            Some(reason) => Some(reason.to_owned()),
+            None if is_off => Some("a linked strength is 0".to_owned()),
+            None => zero.map(|name| format!("`{name}` is 0")),
+        };
         if reason.is_some() || silent.is_empty() {
             let text = reason.unwrap_or_else(|| self.generic(n, &heard));
             self.notes.push((n, format!("silent throughout: {text}")));
@@ -112,6 +120,11 @@ impl Search<'_> {
 
     /// What can be said of any node: what it read, and its figures.
     fn generic(&self, n: usize, heard: &[(&str, Output)]) -> String {
+        let node = &self.graph.nodes[n];
+        if node.ty.family == "live" {
+            return "it takes messages while the graph plays, and none came: play it with `foley live`"
+                .to_owned();
+        }
         let mut names: Vec<&str> = heard.iter().map(|(name, _)| *name).collect();
         names.dedup();
         let read = match &names[..] {

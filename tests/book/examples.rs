@@ -50,6 +50,13 @@ fn try_example(path: &Path) -> Vec<(String, SoundFigures)> {
                 report.notes.iter().filter(|(_, note)| !note.contains("samples")).collect();
             let recomposed = RECOMPOSED.iter().any(|name| path.ends_with(format!("cloth/{name}.ron")));
             assert!(!recomposed || warnings.is_empty(), "{name} is warned of its warp: {warnings:?}");
+            // Those that wait for messages are silent here.
+            let silent: Vec<_> = report
+                .notes
+                .iter()
+                .filter(|(_, note)| note.contains("silent throughout") && !note.contains("foley live"))
+                .collect();
+            assert!(silent.is_empty() || path.to_string_lossy().contains("live"), "{name}: {silent:?}");
             levels::sounds_of(path, dir.path())
         }
     };

@@ -132,8 +132,7 @@ impl Node for FeatureCrossings {
     }
 
     fn finish(&mut self, _: FeatureCrossingsIo<'_>) -> Result<Summary, Fault> {
-        let mut summary =
-            self.voices.summary(&self.params.contact, self.kappa.map_or(self.params.law.kappa, |s| s.kappa));
+        let mut summary = self.voices.summary(&self.params.contact, self.params.law.kappa, self.kappa);
         summary.push(("meetings", self.force.crossings.into()));
         if self.force.all_left_out() > 0 {
             summary.push(("meetings_left_out", self.force.all_left_out().into()));

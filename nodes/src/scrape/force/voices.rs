@@ -4,13 +4,14 @@
 //! anchor, which is the first of its samples in a cell: anchored in double precision, small enough from there for single
 //! precision, and the same however the samples are cut into calls.
 
+use super::contact_force_params::ContactForceParams;
+use super::strength::Strength;
 use crate::archive_state;
 use crate::core::node::Summary;
 use crate::core::state::Stateful;
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use crate::core::unmatched::Unmatched;
 use crate::dsp::LevelMeter;
-use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::path::piece::{PathPiece, position, shifted};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -255,9 +256,11 @@ impl<S: Clone> Voices<S> {
         self.now
     }
 
-    /// Returns the summary of a run: level of the force, number of contacts, and why there is no force although `kappa` and the gain are not 0.
+    /// Returns the summary of a run: level of the force, number of contacts, and why there is no force although the gain and `kappa`, its own or
+    /// the linked one, are not 0. A linked one of 0 turns the node off: another representation of the surface sounds.
     #[must_use]
-    pub fn summary(&self, contact: &ContactForceParams, kappa: f64) -> Summary {
+    pub fn summary(&self, contact: &ContactForceParams, kappa: f64, linked: Option<Strength>) -> Summary {
+        let kappa = linked.map_or(kappa, |linked| linked.kappa);
         let level = self.meter.level();
         let mut summary: Summary = vec![
             ("peak_n", level.peak.into()),
@@ -278,6 +281,9 @@ impl<S: Clone> Voices<S> {
             self.others.no_object("path", contact.object).filter(|_| self.most == 0)
         };
         summary.extend(silent.map(|text| ("silent", text.into())));
+        if linked.is_some() && kappa == 0.0 {
+            summary.push(("off", true.into()));
+        }
         summary
     }
 

@@ -173,8 +173,7 @@ impl Node for IsophoteExcitation {
     }
 
     fn finish(&mut self, _: IsophoteExcitationIo<'_>) -> Result<Summary, Fault> {
-        let mut summary =
-            self.voices.summary(&self.params.contact, self.kappa.map_or(self.params.law.kappa, |s| s.kappa));
+        let mut summary = self.voices.summary(&self.params.contact, self.params.law.kappa, self.kappa);
         if self.params.reading == Reading::Crossing {
             summary.push(("crossings", self.force.crossings.into()));
         }

@@ -235,7 +235,7 @@ impl Node for MapExcitation {
     }
 
     fn finish(&mut self, _: MapExcitationIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.voices.summary(&self.params.contact, self.kappa.map_or(self.params.law.kappa, |s| s.kappa)))
+        Ok(self.voices.summary(&self.params.contact, self.params.law.kappa, self.kappa))
     }
 
     fn retune(&mut self, new: &MapExcitationParams) -> Retune {

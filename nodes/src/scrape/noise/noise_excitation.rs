@@ -188,7 +188,7 @@ impl Node for NoiseExcitation {
     }
 
     fn finish(&mut self, _: NoiseExcitationIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.voices.summary(&self.params.contact, self.kappa.map_or(self.params.kappa, |s| s.kappa)))
+        Ok(self.voices.summary(&self.params.contact, self.params.kappa, self.kappa))
     }
 
     fn retune(&mut self, new: &NoiseExcitationParams) -> Retune {

@@ -220,8 +220,7 @@ impl Node for TwoTextures {
     }
 
     fn finish(&mut self, _: TwoTexturesIo<'_>) -> Result<Summary, Fault> {
-        let mut summary =
-            self.voices.summary(&self.params.contact, self.kappa.map_or(self.params.kappa, |s| s.kappa));
+        let mut summary = self.voices.summary(&self.params.contact, self.params.kappa, self.kappa);
         summary.push(("impacts", self.joints.count.into()));
         if self.joints.left_out > 0 {
             summary.push(("impacts_left_out", self.joints.left_out.into()));
