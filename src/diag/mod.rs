@@ -7,7 +7,7 @@ pub use render::{json, plain, render};
 
 use foley_nodes::core::fault::{Fault, Reject};
 use foley_nodes::core::time::{Tick, seconds};
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -184,15 +184,39 @@ impl Sources {
     }
 }
 
-/// Sorts diagnostics in the order of their texts, and removes duplicates of a sub-graph that is used several times.
+/// Sorts diagnostics in the order of their texts, and removes duplicates of a sub-graph that is used several times and of a value that several
+/// nodes use. The first of these names the others.
 pub fn sort(diagnostics: &mut Vec<Diagnostic>, sources: &Sources) {
     diagnostics.sort_by_key(|d| (d.location.as_ref().map(|p| (p.file, p.span.start)), d.code));
-    let mut reported = HashSet::new();
-    diagnostics.retain(|d| {
-        let at = d.location.as_ref().and_then(|p| Some((&sources.get(p.file)?.name, p.span.clone())));
-        at.is_none_or(|at| reported.insert((d.code, at, d.message.clone())))
-    });
+    let mut reported = HashMap::new();
+    let mut all: Vec<(Diagnostic, Vec<String>)> = Vec::with_capacity(diagnostics.len());
+    for found in std::mem::take(diagnostics) {
+        let at = found.location.as_ref().and_then(|p| Some((&sources.get(p.file)?.name, p.span.clone())));
+        let first =
+            at.map(|at| *reported.entry((found.code, at, found.message.clone())).or_insert(all.len()));
+        match first.and_then(|first| all.get_mut(first)) {
+            Some((first, others)) => {
+                let other =
+                    found.node.filter(|node| first.node.as_ref() != Some(node) && !others.contains(node));
+                others.extend(other);
+            }
+            None => all.push((found, Vec::new())),
+        }
+    }
+    diagnostics.extend(all.into_iter().map(|(mut first, others)| {
+        if !others.is_empty() {
+            let shown: Vec<String> = others.iter().take(MAX_USERS).map(|node| format!("`{node}`")).collect();
+            let more = others.len().saturating_sub(MAX_USERS);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let users = format!("the same for {}{more}", shown.join(", "));
+            first.help = Some(first.help.map_or(users.clone(), |help| format!("{help}; {users}")));
+        }
+        first
+    }));
 }
+
+/// Nodes that are named when an error in one value is that of several.
+const MAX_USERS: usize = 5;
 
 /// Returns true if any of these stops the run.
 #[must_use]

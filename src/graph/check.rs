@@ -24,11 +24,11 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
     let mut good = sound::readable(&raw, &loader.found);
     let mut checked: Vec<Option<CheckedNode>> = Vec::new();
     for (node, good) in raw.iter().zip(&mut good) {
-        let before = loader.found.len();
+        let (before, missing) = (loader.found.len(), loader.missing);
         checked.push(fields(node, &mut loader));
         let own = loader.found[before..].iter_mut().filter(|d| d.node.is_none());
         own.for_each(|d| d.node = Some(node.id.clone()));
-        *good &= loader.found.len() == before;
+        *good &= loader.found.len() == before && loader.missing == missing;
     }
     let mut found = std::mem::take(&mut loader.found);
     // An id refers to the first of several nodes with it, so that the others are reported once.
@@ -122,7 +122,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
         links: ty.inputs.iter().map(|_| Vec::new()).collect(),
         outputs: Vec::new(),
         fields: BTreeMap::new(),
-        origins: BTreeMap::new(),
+        uses: BTreeMap::new(),
     };
     let mut data: BTreeMap<&str, Datum> = BTreeMap::new();
     let mut linked = vec![false; ty.inputs.len()];
@@ -146,12 +146,12 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
             }
             continue;
         };
+        // An error in a value belongs to whoever wrote the value.
         if given.location != location {
-            checked_node.origins.insert(name.clone(), given.location.clone());
-        } else {
-            item_locations(name, &given.value, location.file, &mut checked_node.fields);
+            checked_node.uses.insert(name.clone(), location);
         }
-        checked_node.fields.insert(name.clone(), location);
+        item_locations(name, &given.value, given.location.file, &mut checked_node.fields);
+        checked_node.fields.insert(name.clone(), given.location.clone());
         // A list is of links, unless it is one of numbers for a parameter of the same name.
         let is_link = |v: &Value, spec: &ParamSpec| match v.value {
             ValueKind::Str(_) | ValueKind::Option(None) => true,
@@ -212,8 +212,8 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
                             let name = format!("{name}{item}");
                             let location = checked_node.fields.get(&name).unwrap_or(location).clone();
                             let mut found = mismatched(&name, mismatch, spec, location).node(&node.id);
-                            if let Some(origin) = checked_node.origins.get(spec.map_or("", |s| s.name)) {
-                                found = found.label(origin.clone(), "the value is given here");
+                            if let Some(used) = checked_node.uses.get(spec.map_or("", |s| s.name)) {
+                                found = found.label(used.clone(), "the value is used here");
                             }
                             loader.found.push(found);
                         }

@@ -21,6 +21,6 @@ pub(super) struct CheckedNode {
     /// The files that it writes, with the fields that name them.
     pub outputs: Vec<(&'static str, String)>,
     pub fields: BTreeMap<String, SourceLocation>,
-    /// Location of the value, for fields that refer to a parameter of the graph.
-    pub origins: BTreeMap<String, SourceLocation>,
+    /// Locations of the fields that refer to a parameter of the graph; `fields` has those of the values.
+    pub uses: BTreeMap<String, SourceLocation>,
 }

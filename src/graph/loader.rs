@@ -156,6 +156,10 @@ pub(super) struct Loader {
     /// Number of uses of sub-graphs, and their size in bytes.
     pub uses: usize,
     pub text_bytes: u64,
+    /// Locations of the uses of the sub-graphs that are being read, the innermost last.
+    pub used_at: Vec<SourceLocation>,
+    /// Number of uses of required parameters that nobody has given.
+    pub missing: usize,
     /// Prefixes of the ids of unreadable sub-graphs.
     pub lost: Vec<String>,
     /// True if a limit was exceeded: it is reported once, and reading stops.

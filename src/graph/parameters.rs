@@ -14,6 +14,26 @@ pub fn message_source(target: &str) -> String {
     format!("message that sets {target}")
 }
 
+/// Name of the value of a parameter that the user of a graph has to give.
+const REQUIRED: &str = "Required";
+
+/// Returns true for `Required` and `Required("what it is")`.
+fn is_required(value: &Value) -> bool {
+    match &value.value {
+        ValueKind::Name(name) => name.value == REQUIRED,
+        ValueKind::NamedTuple(name, _) => name.value == REQUIRED,
+        _ => false,
+    }
+}
+
+/// What a required parameter is, in the words of its graph.
+fn required_words(value: &Value) -> Option<&str> {
+    match &value.value {
+        ValueKind::NamedTuple(_, items) => items.first()?.as_str(),
+        _ => None,
+    }
+}
+
 impl Loader {
     /// Parses the values from outside, each as a text of its own; those of messages follow those of the command line.
     pub(super) fn overrides(&mut self, options: &LoadOptions) -> Vec<(String, Given)> {
@@ -91,7 +111,38 @@ impl Loader {
                 )));
             }
         }
+        self.required(&params, prefix);
         (params, node_sets)
+    }
+
+    /// Reports the required parameters that nobody has given, at the use of the sub-graph.
+    fn required(&mut self, params: &BTreeMap<String, Given>, prefix: &str) {
+        let missing: Vec<(&String, &Given)> =
+            params.iter().filter(|(_, given)| is_required(&given.value)).collect();
+        let Some((first, given)) = missing.first() else { return };
+        let name = |(name, given): &(&String, &Given)| match required_words(&given.value) {
+            Some(words) => format!("`{name}` ({words})"),
+            None => format!("`{name}`"),
+        };
+        let names: Vec<String> = missing.iter().map(name).collect();
+        let names = names.join(", ");
+        let found = match self.used_at.last() {
+            Some(location) => {
+                let message = format!("sub-graph `{}` has to be given {names}", prefix.trim_end_matches('.'));
+                let found = Diagnostic::error("F032", message, location.clone());
+                found
+                    .label(given.location.clone(), "required here")
+                    .help(format!("write Sub(path: \"...\", params: {{ \"{first}\": ... }})"))
+            }
+            None => {
+                let message = format!("this graph has to be given {names}");
+                let help = format!(
+                    "it is made for `use` in another graph; --set {first}=VALUE gives a value as well"
+                );
+                Diagnostic::error("F032", message, given.location.clone()).help(help)
+            }
+        };
+        self.found.push(found);
     }
 
     /// Follows `"$name"` to the parameter that it stands for.
@@ -107,6 +158,11 @@ impl Loader {
             }
             self.used_params.borrow_mut().insert(format!("{}{name}", given.scope.prefix));
             match given.scope.params.get(&name).cloned() {
+                // That it is missing has been reported.
+                Some(next) if is_required(&next.value) => {
+                    self.missing += 1;
+                    return None;
+                }
                 Some(mut next) => {
                     // A parameter may stand for another one of the same file.
                     if next.scope.params.is_empty() && next.scope.prefix == given.scope.prefix {

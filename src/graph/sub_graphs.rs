@@ -133,7 +133,9 @@ impl Loader {
                     return;
                 }
                 chain.push(real);
+                self.used_at.push(location);
                 self.file(path, text, Path::new(path), prefix, given, chain);
+                self.used_at.pop();
                 chain.pop();
             }
             Err(e) => self.error("F030", e.message, location),

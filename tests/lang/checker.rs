@@ -15,7 +15,7 @@ fn seeds() -> Vec<String> {
     paths.sort();
     let texts = paths.iter().filter(|p| p.extension().is_some_and(|e| e == "ron"));
     let mut all: Vec<String> = texts.map(|p| fs::read_to_string(p).unwrap()).collect();
-    all.push(foley::cli::template("a")[0].1.clone());
+    all.push(foley::cli::template("wind")[0].1.clone());
     all
 }
 
@@ -128,7 +128,7 @@ fn damaged_graphs_are_graphs_or_have_errors() {
 
 #[test]
 fn damaged_settings_are_taken_or_refused() {
-    let text = foley::cli::template("a")[0].1.clone();
+    let text = foley::cli::template("wind")[0].1.clone();
     assert!(judge(&text));
     // Names of parameters, nodes and fields are all among the words of the graph.
     let is_word = |t: &&String| t.starts_with(|c: char| c == '"' || c.is_alphabetic());
