@@ -1,24 +1,188 @@
 //! `foley new`.
 
 use super::Exit;
-use super::args::NewArgs;
-use super::console::stdout;
+use super::args::{NewArgs, Template};
+use super::console::{stdout, tell};
 use anyhow::Context as _;
 use std::fs;
 use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
-/// The files of a new project: names and texts.
-#[must_use]
-pub fn template(name: &str) -> [(&'static str, String); 3] {
-    let read_me = include_str!("new/README.md").replace("NAME", name);
-    [
-        ("wind.ron", include_str!("new/wind.ron").into()),
-        ("README.md", read_me),
-        (".gitignore", "/out\n.foley/\n".into()),
-    ]
+/// A file of a new project.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// A text.
+    Text(String),
+    /// A file that comes with the program.
+    Bytes(&'static [u8]),
+    /// A copy of a file of the user.
+    Copy(PathBuf),
 }
 
-/// Makes a small project that runs.
+/// Files of the user that a new project is made of.
+#[derive(Clone, Debug, Default)]
+pub struct OwnFiles {
+    /// An animation.
+    pub mesh: Option<PathBuf>,
+    /// Recordings.
+    pub recordings: Vec<PathBuf>,
+    /// An image of a surface.
+    pub image: Option<PathBuf>,
+    /// A log of contacts.
+    pub contacts: Option<PathBuf>,
+}
+
+impl OwnFiles {
+    /// The template that uses these files, and the names of the options that it does not use.
+    fn unused(&self, template: Template) -> Vec<&'static str> {
+        let given = [
+            ("--mesh", self.mesh.is_some(), Template::Cloth),
+            ("--recordings", !self.recordings.is_empty(), Template::Cloth),
+            ("--image", self.image.is_some(), Template::Texture),
+            ("--contacts", self.contacts.is_some(), Template::Texture),
+        ];
+        given.into_iter().filter(|(_, given, of)| *given && *of != template).map(|(name, ..)| name).collect()
+    }
+}
+
+/// The name of a copy in a folder of the project.
+fn copied(folder: &str, path: &Path) -> String {
+    format!("{folder}/{}", path.file_name().unwrap_or_default().to_string_lossy())
+}
+
+/// The node `cloth`: an animation of the user, or a synthetic one.
+fn mesh_node(mesh: Option<&Path>, crumples: bool) -> String {
+    let Some(path) = mesh else {
+        // Friction needs something that slides, crumples something that bends.
+        let scene = if crumples {
+            "kind: SineSheet, amplitude: 0.02, wavelength: 0.4, speed: 0.3"
+        } else {
+            "kind: Planes, speed: 0.1, acceleration: 0.4, size: [3.0, 0.3], vertices: [61, 7]"
+        };
+        return format!("        \"cloth\": MeshGenerator({scene}, duration: 3.0),");
+    };
+    let file = copied("assets", path);
+    let times = path
+        .extension()
+        .is_some_and(|e| ["abc", "gltf", "glb"].contains(&&*e.to_string_lossy().to_lowercase()));
+    if times {
+        return format!("        \"cloth\": MeshSequence(path: {file:?}),");
+    }
+    format!(
+        "        // This format does not say how many frames there are in a second: set what the animation has.\n        \
+         \"cloth\": MeshSequence(path: {file:?}, fps: 30),"
+    )
+}
+
+/// An OBJ with the faces of a point cache lies beside it under the same name.
+fn faces_of(mesh: &Path) -> Option<PathBuf> {
+    let cache =
+        mesh.extension().is_some_and(|e| e.eq_ignore_ascii_case("pc2") || e.eq_ignore_ascii_case("mdd"));
+    Some(mesh.with_extension("obj")).filter(|path| cache && path.is_file())
+}
+
+/// The files of a new project, the graph first: names and contents.
+#[must_use]
+pub fn project(name: &str, template: Template, own: &OwnFiles) -> Vec<(String, Content)> {
+    let mut title: String = name.replace(['_', '-'], " ");
+    if let Some(first) = title.chars().next() {
+        title.replace_range(..first.len_utf8(), &first.to_uppercase().to_string());
+    }
+    let image = own.image.as_deref().map_or_else(|| "tiles.png".to_owned(), |path| copied("assets", path));
+    let recordings: Vec<String> =
+        own.recordings.iter().map(|path| format!("{:?}", copied("recordings", path))).collect();
+    let with_takes = !recordings.is_empty();
+    let text = match template {
+        Template::Wind => include_str!("new/wind.ron"),
+        Template::Impact => include_str!("new/impact.ron"),
+        Template::Live => include_str!("new/live.ron"),
+        Template::Texture if own.contacts.is_some() => include_str!("new/contacts.ron"),
+        Template::Texture => include_str!("new/texture.ron"),
+        Template::Cloth if with_takes => include_str!("new/cloth_recordings.ron"),
+        Template::Cloth => include_str!("new/cloth.ron"),
+    };
+    let contacts = own.contacts.as_deref().map_or_else(String::new, |path| copied("assets", path));
+    let text = text
+        .replace("MESH", &mesh_node(own.mesh.as_deref(), with_takes))
+        .replace("RECORDINGS", &format!("[{}]", recordings.join(", ")))
+        .replace("CONTACTS", &format!("{contacts:?}"))
+        .replace("IMAGE", &format!("{image:?}"))
+        .replace("TITLE", &format!("{title:?}"))
+        .replace("FILE", &format!("{:?}", format!("{name}.wav")))
+        .replace("NAME", name);
+    // Own names may be longer or shorter than those that the template was laid out with.
+    let text = crate::lang::fmt::format(&text).unwrap_or(text);
+    let mut files = vec![(format!("{name}.ron"), Content::Text(text))];
+    let bar = || {
+        (
+            "bar.modes.csv".to_owned(),
+            Content::Text(include_str!("../../graphs/assets/impact/bar.modes.csv").into()),
+        )
+    };
+    let impacts = || ("impacts.csv".to_owned(), Content::Text(include_str!("new/impacts.csv").into()));
+    match template {
+        Template::Wind => {}
+        Template::Impact | Template::Live => files.extend([impacts(), bar()]),
+        Template::Texture => {
+            files.push(bar());
+            if own.image.is_none() {
+                files.push((image, Content::Bytes(include_bytes!("../../graphs/assets/images/tiles.png"))));
+            }
+        }
+        Template::Cloth if with_takes => {
+            let target = include_str!("../../graphs/lib/target.ron");
+            files.push(("lib/target.ron".into(), Content::Text(target.into())));
+        }
+        Template::Cloth => {}
+    }
+    let assets =
+        [own.mesh.clone(), own.mesh.as_deref().and_then(faces_of), own.image.clone(), own.contacts.clone()];
+    files.extend(assets.into_iter().flatten().map(|path| (copied("assets", &path), Content::Copy(path))));
+    files.extend(own.recordings.iter().map(|path| (copied("recordings", path), Content::Copy(path.clone()))));
+    let read_me = include_str!("new/README.md").replace("NAME", name).replace("CHANGE", change(template));
+    files.push(("README.md".into(), Content::Text(read_me)));
+    files.push((".gitignore".into(), Content::Text("/out\n.foley/\n".into())));
+    files
+}
+
+/// A setting to try first.
+fn change(template: Template) -> &'static str {
+    match template {
+        Template::Wind => "cutoff=2000",
+        Template::Impact | Template::Live => "pitch=0.5",
+        Template::Texture => "level=0.3",
+        Template::Cloth => "radius=0.01",
+    }
+}
+
+/// The texts of the default project: names and contents.
+#[must_use]
+pub fn template(name: &str) -> Vec<(String, String)> {
+    let text = |(name, content)| match content {
+        Content::Text(text) => Some((name, text)),
+        _ => None,
+    };
+    project(name, Template::Wind, &OwnFiles::default()).into_iter().filter_map(text).collect()
+}
+
+/// What is wrong with the files of the user: none of them may be missing, and none may take the place of another.
+fn refused(own: &OwnFiles, template: Template, files: &[(String, Content)]) -> Option<String> {
+    if let [option, ..] = own.unused(template)[..] {
+        return Some(format!("the template `{}` has no use for {option}", template.word()));
+    }
+    for (k, (name, content)) in files.iter().enumerate() {
+        let Content::Copy(path) = content else { continue };
+        if !path.is_file() {
+            return Some(format!("{} is no file", path.display()));
+        }
+        if files[..k].iter().any(|(other, _)| other == name) {
+            return Some(format!("two files would become {name}: give them different names"));
+        }
+    }
+    None
+}
+
+/// Makes a small project that runs, of files of the user if any are given.
 ///
 /// # Errors
 /// When the folder or a file cannot be made.
@@ -26,15 +190,45 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let dir = &args.dir;
     let shown = dir.display();
     if fs::read_dir(dir).is_ok_and(|mut entries| entries.next().is_some()) || dir.is_file() {
-        super::console::tell(format_args!("{shown} exists already and is not empty"));
+        tell(format_args!("{shown} exists already and is not empty"));
         return Ok(Exit::Wrong);
     }
-    fs::create_dir_all(dir).with_context(|| shown.to_string())?;
-    let name = fs::canonicalize(dir).ok().and_then(|d| d.file_name()?.to_str().map(str::to_owned));
-    for (file, text) in template(&name.unwrap_or_else(|| "A sound".into())) {
-        let path = dir.join(file);
-        fs::write(&path, text).with_context(|| path.display().to_string())?;
+    let own = OwnFiles {
+        mesh: args.mesh.clone(),
+        recordings: args.recordings.clone(),
+        image: args.image.clone(),
+        contacts: args.contacts.clone(),
+    };
+    let is_cloth = own.mesh.is_some() || !own.recordings.is_empty();
+    let is_texture = own.image.is_some() || own.contacts.is_some();
+    let by_files = match (is_cloth, is_texture) {
+        (true, _) => Template::Cloth,
+        (_, true) => Template::Texture,
+        _ => Template::Wind,
+    };
+    let template = args.template.unwrap_or(by_files);
+    // The folder may be `.`, and may not exist yet.
+    let absolute = std::path::absolute(dir).ok();
+    let name =
+        absolute.as_deref().and_then(Path::file_name).and_then(|name| name.to_str().map(str::to_owned));
+    let name = name.unwrap_or_else(|| "sound".into());
+    let files = project(&name, template, &own);
+    if let Some(wrong) = refused(&own, template, &files) {
+        tell(wrong);
+        return Ok(Exit::Wrong);
     }
-    writeln!(stdout(), "made {shown}; now: cd {shown} && foley run wind.ron")?;
+    for (file, content) in &files {
+        let path = dir.join(file);
+        let place = || path.display().to_string();
+        fs::create_dir_all(path.parent().unwrap_or(dir)).with_context(place)?;
+        match content {
+            Content::Text(text) => fs::write(&path, text),
+            Content::Bytes(bytes) => fs::write(&path, bytes),
+            Content::Copy(from) => fs::copy(from, &path).map(drop),
+        }
+        .with_context(place)?;
+    }
+    let verb = if template == Template::Live { "live" } else { "run" };
+    writeln!(stdout(), "made {shown}; now: cd {shown} && foley {verb} {name}.ron")?;
     Ok(Exit::Done)
 }

@@ -134,7 +134,7 @@ fn the_first_graph_of_the_book_is_that_of_a_new_project() {
     let page = fs::read_to_string(root().join("docs/src/first-sound.md")).unwrap();
     let blocks = split(&page).1;
     let (_, shown) = blocks.iter().find(|(mark, _)| mark == "ron").unwrap();
-    let template = foley::cli::template("a");
+    let template = foley::cli::template("wind");
     let plain = |text: &str| -> String {
         text.lines().filter(|l| !l.trim_start().starts_with("//")).map(|l| format!("{l}\n")).collect()
     };

@@ -286,7 +286,7 @@ fn json_has_all_fields_for_every_case() {
 
 #[test]
 fn a_graph_that_is_right_is_told_nothing() {
-    let template = foley::cli::template("a");
+    let template = foley::cli::template("wind");
     let (name, text) = &template[0];
     let loaded = load_text(name, text, Path::new(name), &LoadOptions::default());
     let reported = render(&loaded.diagnostics, &loaded.sources, false);

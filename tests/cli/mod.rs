@@ -5,6 +5,7 @@ mod diagnostics;
 mod messages;
 #[cfg(unix)]
 mod named_files;
+mod new_projects;
 mod refused;
 mod silence;
 mod tools;

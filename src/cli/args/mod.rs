@@ -5,7 +5,7 @@ mod parse;
 use crate::graph::{Limits, LoadOptions, Override};
 use crate::memo::{Memo, default_dir};
 use crate::session::Session;
-use clap::{Args as ClapArgs, Parser, Subcommand};
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use foley_nodes::feature::UnitLength;
 use foley_nodes::registry::Registry;
@@ -70,7 +70,9 @@ pub enum Command {
     )]
     Cache(CacheArgs),
     /// Make a small project that runs
-    #[command(after_help = "Examples:\n  foley new wind\n  foley run wind/wind.ron")]
+    #[command(
+        after_help = "Examples:\n  foley new wind\n  foley new cape --mesh cape.abc --recordings takes/*.wav"
+    )]
     New(NewArgs),
     /// Print the format of graphs, with all node types, as a JSON schema
     Schema,
@@ -512,8 +514,52 @@ pub struct LikenessArgs {
 /// Arguments of `foley new`.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct NewArgs {
-    /// The folder to make
+    /// The folder to make; its name becomes that of the graph
     pub dir: PathBuf,
+    /// What the project is about [default: what the given files are for, or wind]
+    #[arg(long, value_name = "NAME")]
+    pub template: Option<Template>,
+    /// Copy this animation into the project, as the cloth
+    #[arg(long, value_name = "FILE")]
+    pub mesh: Option<PathBuf>,
+    /// Copy these recordings into the project, as those of the cloth
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    pub recordings: Vec<PathBuf>,
+    /// Copy this image into the project, as the surface
+    #[arg(long, value_name = "FILE")]
+    pub image: Option<PathBuf>,
+    /// Copy this log of contacts into the project
+    #[arg(long, value_name = "FILE")]
+    pub contacts: Option<PathBuf>,
+}
+
+/// Project that `foley new` makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Template {
+    /// Filtered noise
+    Wind,
+    /// Friction and crumples of a cloth
+    Cloth,
+    /// A surface from an image, under a ball or under the contacts of a log
+    Texture,
+    /// A bar that is struck
+    Impact,
+    /// A bar to strike while it plays
+    Live,
+}
+
+impl Template {
+    /// The name on the command line.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Wind => "wind",
+            Self::Cloth => "cloth",
+            Self::Texture => "texture",
+            Self::Impact => "impact",
+            Self::Live => "live",
+        }
+    }
 }
 
 /// Arguments of `foley docs`.
