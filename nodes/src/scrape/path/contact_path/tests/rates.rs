@@ -98,7 +98,7 @@ fn most(pieces: &Pieces) -> f64 {
     for (from, piece) in pieces {
         for k in (from + step - 1) / step..(from + piece.duration + step - 1) / step {
             let s = (k * step - from) as f64 / piece.duration as f64;
-            sums[usize::try_from(k).unwrap()] += f64::from(piece.force_at(s) * piece.gain_at(s));
+            sums[usize::try_from(k).unwrap()] += piece.force_at(s) * piece.gain_at(s);
         }
     }
     sums.into_iter().fold(0.0, f64::max)
