@@ -134,7 +134,7 @@ fn a_node_that_is_silent_says_why() {
         if !flows || SHORT_INPUTS.contains(&ty.name) {
             continue;
         }
-        for trial in possible(node, Level::Random).take(40) {
+        for trial in possible(node, Level::Random).take(20) {
             let run = trial.standalone(trial.fastest_rate().span(13)).run();
             let run = run.unwrap_or_else(|e| panic!("{e}: {trial:?}"));
             if run.is_silent() && trial.has_input() && run.summary.is_empty() && !trial.has_zero() {
