@@ -18,9 +18,9 @@ mod schema;
 mod text;
 mod watch;
 
-pub use args::{Args, Template};
+pub use args::Args;
 pub use levels::{HEADING, measure, row};
-pub use new::{Content, OwnFiles, project, template};
+pub use new::template;
 pub use nodes::{describe, param_words, plain, port_words};
 pub use schema::schema;
 

@@ -1,35 +1,23 @@
 //! `foley new`.
 
 use super::Exit;
-use super::args::{NewArgs, Template};
+use super::args::{NewArgs, OwnFiles, Template};
 use super::console::{stdout, tell};
 use anyhow::Context as _;
+use clap::ValueEnum as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// A file of a new project.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Content {
+enum Content {
     /// A text.
     Text(String),
     /// A file that comes with the program.
     Bytes(&'static [u8]),
     /// A copy of a file of the user.
     Copy(PathBuf),
-}
-
-/// Files of the user that a new project is made of.
-#[derive(Clone, Debug, Default)]
-pub struct OwnFiles {
-    /// An animation.
-    pub mesh: Option<PathBuf>,
-    /// Recordings.
-    pub recordings: Vec<PathBuf>,
-    /// An image of a surface.
-    pub image: Option<PathBuf>,
-    /// A log of contacts.
-    pub contacts: Option<PathBuf>,
 }
 
 impl OwnFiles {
@@ -43,6 +31,21 @@ impl OwnFiles {
         ];
         given.into_iter().filter(|(_, given, of)| *given && *of != template).map(|(name, ..)| name).collect()
     }
+}
+
+/// A template with values in place of its marks; marks in the values stay as they are.
+fn filled(template: &str, values: &[(&str, String)]) -> String {
+    let (mut out, mut rest) = (String::new(), template);
+    let next = |rest: &str| {
+        let found = values.iter().filter_map(|(mark, value)| Some((rest.find(mark)?, *mark, value)));
+        found.min_by_key(|(at, ..)| *at).map(|(at, mark, value)| (at, at + mark.len(), value.clone()))
+    };
+    while let Some((at, end, value)) = next(rest) {
+        out.push_str(&rest[..at]);
+        out.push_str(&value);
+        rest = &rest[end..];
+    }
+    out + rest
 }
 
 /// The name of a copy in a folder of the project.
@@ -82,8 +85,7 @@ fn faces_of(mesh: &Path) -> Option<PathBuf> {
 }
 
 /// The files of a new project, the graph first: names and contents.
-#[must_use]
-pub fn project(name: &str, template: Template, own: &OwnFiles) -> Vec<(String, Content)> {
+fn project(name: &str, template: Template, own: &OwnFiles) -> Vec<(String, Content)> {
     let mut title: String = name.replace(['_', '-'], " ");
     if let Some(first) = title.chars().next() {
         title.replace_range(..first.len_utf8(), &first.to_uppercase().to_string());
@@ -102,14 +104,16 @@ pub fn project(name: &str, template: Template, own: &OwnFiles) -> Vec<(String, C
         Template::Cloth => include_str!("new/cloth.ron"),
     };
     let contacts = own.contacts.as_deref().map_or_else(String::new, |path| copied("assets", path));
-    let text = text
-        .replace("MESH", &mesh_node(own.mesh.as_deref(), with_takes))
-        .replace("RECORDINGS", &format!("[{}]", recordings.join(", ")))
-        .replace("CONTACTS", &format!("{contacts:?}"))
-        .replace("IMAGE", &format!("{image:?}"))
-        .replace("TITLE", &format!("{title:?}"))
-        .replace("FILE", &format!("{:?}", format!("{name}.wav")))
-        .replace("NAME", name);
+    let values = [
+        ("MESH", mesh_node(own.mesh.as_deref(), with_takes)),
+        ("RECORDINGS", format!("[{}]", recordings.join(", "))),
+        ("CONTACTS", format!("{contacts:?}")),
+        ("IMAGE", format!("{image:?}")),
+        ("TITLE", format!("{title:?}")),
+        ("FILE", format!("{:?}", format!("{name}.wav"))),
+        ("NAME", name.to_owned()),
+    ];
+    let text = filled(text, &values);
     // Own names may be longer or shorter than those that the template was laid out with.
     let text = crate::lang::fmt::format(&text).unwrap_or(text);
     let mut files = vec![(format!("{name}.ron"), Content::Text(text))];
@@ -139,7 +143,8 @@ pub fn project(name: &str, template: Template, own: &OwnFiles) -> Vec<(String, C
         [own.mesh.clone(), own.mesh.as_deref().and_then(faces_of), own.image.clone(), own.contacts.clone()];
     files.extend(assets.into_iter().flatten().map(|path| (copied("assets", &path), Content::Copy(path))));
     files.extend(own.recordings.iter().map(|path| (copied("recordings", path), Content::Copy(path.clone()))));
-    let read_me = include_str!("new/README.md").replace("NAME", name).replace("CHANGE", change(template));
+    let values = [("NAME", name.to_owned()), ("CHANGE", change(template).to_owned())];
+    let read_me = filled(include_str!("new/README.md"), &values);
     files.push(("README.md".into(), Content::Text(read_me)));
     files.push((".gitignore".into(), Content::Text("/out\n.foley/\n".into())));
     files
@@ -168,7 +173,8 @@ pub fn template(name: &str) -> Vec<(String, String)> {
 /// What is wrong with the files of the user: none of them may be missing, and none may take the place of another.
 fn refused(own: &OwnFiles, template: Template, files: &[(String, Content)]) -> Option<String> {
     if let [option, ..] = own.unused(template)[..] {
-        return Some(format!("the template `{}` has no use for {option}", template.word()));
+        let name = template.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
+        return Some(format!("the template `{name}` has no use for {option}"));
     }
     for (k, (name, content)) in files.iter().enumerate() {
         let Content::Copy(path) = content else { continue };
@@ -193,12 +199,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
         tell(format_args!("{shown} exists already and is not empty"));
         return Ok(Exit::Wrong);
     }
-    let own = OwnFiles {
-        mesh: args.mesh.clone(),
-        recordings: args.recordings.clone(),
-        image: args.image.clone(),
-        contacts: args.contacts.clone(),
-    };
+    let own = &args.own;
     let is_cloth = own.mesh.is_some() || !own.recordings.is_empty();
     let is_texture = own.image.is_some() || own.contacts.is_some();
     let by_files = match (is_cloth, is_texture) {
@@ -212,12 +213,28 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let name =
         absolute.as_deref().and_then(Path::file_name).and_then(|name| name.to_str().map(str::to_owned));
     let name = name.unwrap_or_else(|| "sound".into());
-    let files = project(&name, template, &own);
-    if let Some(wrong) = refused(&own, template, &files) {
+    let files = project(&name, template, own);
+    if let Some(wrong) = refused(own, template, &files) {
         tell(wrong);
         return Ok(Exit::Wrong);
     }
-    for (file, content) in &files {
+    let existed = dir.is_dir();
+    if let Err(error) = write(dir, &files) {
+        // The folder was empty, or was not there.
+        let _ = fs::remove_dir_all(dir);
+        if existed {
+            let _ = fs::create_dir(dir);
+        }
+        return Err(error);
+    }
+    let verb = if template == Template::Live { "live" } else { "run" };
+    writeln!(stdout(), "made {shown}; now: cd {shown} && foley {verb} {name}.ron")?;
+    Ok(Exit::Done)
+}
+
+/// Writes the files of a project.
+fn write(dir: &Path, files: &[(String, Content)]) -> anyhow::Result<()> {
+    for (file, content) in files {
         let path = dir.join(file);
         let place = || path.display().to_string();
         fs::create_dir_all(path.parent().unwrap_or(dir)).with_context(place)?;
@@ -228,7 +245,5 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
         }
         .with_context(place)?;
     }
-    let verb = if template == Template::Live { "live" } else { "run" };
-    writeln!(stdout(), "made {shown}; now: cd {shown} && foley {verb} {name}.ron")?;
-    Ok(Exit::Done)
+    Ok(())
 }

@@ -37,6 +37,8 @@ pub struct NodeBox {
     pub inputs: Vec<(String, bool)>,
     /// Its outputs.
     pub outputs: Vec<OutPort>,
+    /// Its position in the order in which nodes follow those that they read, apart from links that close a loop.
+    pub rank: usize,
 }
 
 /// One output.
@@ -100,6 +102,7 @@ impl Drawing {
         };
         let boxes = graph.nodes.iter().enumerate().map(|(n, node)| NodeBox {
             id: node.id.clone(),
+            rank: graph.rank[n],
             type_name: node.ty.name.to_owned(),
             inputs: (node.ty.inputs.iter().zip(&node.links))
                 .map(|(spec, links)| (spec.name.to_owned(), !links.is_empty()))

@@ -6,29 +6,6 @@ use std::fmt::Write as _;
 /// Maximum width of a column.
 const WIDEST: usize = 32;
 
-/// Boxes in an order in which each follows those that it reads, apart from links that close a loop.
-fn order(drawing: &Drawing) -> Vec<usize> {
-    let count = drawing.boxes.len();
-    let mut waits = vec![0; count];
-    let forward = |wire: &&Wire| !wire.back;
-    drawing.wires.iter().filter(forward).for_each(|wire| waits[wire.to.0] += 1);
-    let mut readers: Vec<Vec<usize>> = vec![Vec::new(); count];
-    drawing.wires.iter().filter(forward).for_each(|wire| readers[wire.from.0].push(wire.to.0));
-    // Of those that are ready, the one that became ready last: a chain stays together.
-    let mut ready: Vec<usize> = (0..count).rev().filter(|b| waits[*b] == 0).collect();
-    let mut order = Vec::with_capacity(count);
-    while let Some(next) = ready.pop() {
-        order.push(next);
-        for &reader in readers[next].iter().rev() {
-            waits[reader] -= 1;
-            if waits[reader] == 0 {
-                ready.push(reader);
-            }
-        }
-    }
-    order
-}
-
 /// Lists a drawing: `id  Type  input <- node, other.output  [rate, format]`, sources first.
 #[must_use]
 pub fn text(drawing: &Drawing) -> String {
@@ -42,7 +19,9 @@ pub fn text(drawing: &Drawing) -> String {
     let type_width = widest(&|b| drawing.boxes[b].type_name.chars().count());
     let mut inputs: Vec<Vec<&Wire>> = vec![Vec::new(); drawing.boxes.len()];
     drawing.wires.iter().for_each(|wire| inputs[wire.to.0].push(wire));
-    for b in order(drawing) {
+    let mut order: Vec<usize> = (0..drawing.boxes.len()).collect();
+    order.sort_by_key(|b| drawing.boxes[*b].rank);
+    for b in order {
         let node = &drawing.boxes[b];
         let source = |wire: &Wire| {
             let from = &drawing.boxes[wire.from.0];

@@ -79,6 +79,21 @@ fn an_animation_and_recordings_become_a_project_without_reading_outside_of_it() 
 }
 
 #[test]
+fn names_like_the_marks_of_a_template_stay_as_they_are() {
+    let dir = tempfile::tempdir().unwrap();
+    let image = dir.path().join("TITLE_FILE_IMAGE.png");
+    fs::copy(assets().join("images/tiles.png"), &image).unwrap();
+    let made = foley(dir.path(), &["new", "NAME_FILE", "--image", image.to_str().unwrap()]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let project = dir.path().join("NAME_FILE");
+    assert!(project.join("assets/TITLE_FILE_IMAGE.png").is_file());
+    assert!(peak(&project, "NAME_FILE") > 0.01);
+    // What cannot be copied leaves nothing half made.
+    let made = foley(dir.path(), &["new", "NAME_FILE/NAME_FILE.ron/deeper"]);
+    assert_eq!(made.status.code(), Some(1));
+}
+
+#[test]
 fn an_image_and_a_log_become_a_project() {
     let dir = tempfile::tempdir().unwrap();
     let (image, log) = (asset("images/sk_brick.png"), asset("contacts/box_slide_slope.contacts.csv"));

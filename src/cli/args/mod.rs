@@ -519,6 +519,14 @@ pub struct NewArgs {
     /// What the project is about [default: what the given files are for, or wind]
     #[arg(long, value_name = "NAME")]
     pub template: Option<Template>,
+    /// Files of the user.
+    #[command(flatten)]
+    pub own: OwnFiles,
+}
+
+/// Files of the user that a new project is made of.
+#[derive(Clone, Debug, Default, ClapArgs)]
+pub struct OwnFiles {
     /// Copy this animation into the project, as the cloth
     #[arg(long, value_name = "FILE")]
     pub mesh: Option<PathBuf>,
@@ -546,20 +554,6 @@ pub enum Template {
     Impact,
     /// A bar to strike while it plays
     Live,
-}
-
-impl Template {
-    /// The name on the command line.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Wind => "wind",
-            Self::Cloth => "cloth",
-            Self::Texture => "texture",
-            Self::Impact => "impact",
-            Self::Live => "live",
-        }
-    }
 }
 
 /// Arguments of `foley docs`.
