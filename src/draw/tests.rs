@@ -12,6 +12,7 @@ fn random_drawing(seed: u64, count: usize) -> Drawing {
         let inputs = if b == 0 { 0 } else { rng.below(4) };
         let outputs = 1 + rng.below(2);
         drawing.boxes.push(NodeBox {
+            rank: 0,
             id: format!("node_{b}"),
             type_name: ["Gain", "ContactDetector", "FrictionModelFromClips"][rng.below(3)].into(),
             inputs: (0..inputs).map(|k| (format!("input_{k}"), true)).collect(),
@@ -91,6 +92,7 @@ fn every_link_goes_to_a_later_layer() {
 #[test]
 fn sweeps_remove_all_crossings_of_a_ladder_in_reverse_order() {
     let one = |id: String, inputs: usize| NodeBox {
+        rank: 0,
         id,
         type_name: "Gain".into(),
         inputs: (0..inputs).map(|_| ("audio".to_owned(), true)).collect(),
