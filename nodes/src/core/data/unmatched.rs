@@ -6,24 +6,22 @@ use std::fmt::Display;
 /// Maximum number of different keys that are remembered.
 const MOST: usize = 8;
 
-/// Items that a filter has refused: their number, and the first 8 different keys of them, such as numbers of objects.
+/// The first 8 different keys of the items that a filter has refused, such as numbers of objects.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Unmatched<K> {
-    count: u64,
     keys: [Option<K>; MOST],
     more: bool,
 }
 
 impl<K: Copy> Default for Unmatched<K> {
     fn default() -> Self {
-        Self { count: 0, keys: [None; MOST], more: false }
+        Self { keys: [None; MOST], more: false }
     }
 }
 
 impl<K: Copy + PartialEq> Unmatched<K> {
-    /// Counts an item.
+    /// Remembers the key of an item.
     pub fn add(&mut self, key: K) {
-        self.count += 1;
         if self.keys.iter().flatten().any(|known| *known == key) {
             return;
         }
@@ -37,7 +35,7 @@ impl<K: Copy + PartialEq> Unmatched<K> {
     pub fn list<T: Display>(&self, text: impl Fn(K) -> T) -> Option<String> {
         let keys: Vec<String> = self.keys.iter().flatten().map(|key| text(*key).to_string()).collect();
         let more = if self.more { " and more" } else { "" };
-        (self.count > 0).then(|| format!("{}{more}", keys.join(", ")))
+        (!keys.is_empty()).then(|| format!("{}{more}", keys.join(", ")))
     }
 }
 

@@ -40,7 +40,7 @@ impl PairTouch {
 }
 
 /// A jump of the touching point, over points that touch nowhere between.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TouchJump {
     /// Sample after it, from the anchor.
     pub sample: usize,
