@@ -304,6 +304,7 @@ impl Registry {
             .with::<dsp::nodes::HighPassNode>()
             .with::<dsp::nodes::ImpulsesNode>()
             .with::<dsp::nodes::LevelMeterNode>()
+            .with::<dsp::nodes::Limiter>()
             .with::<dsp::nodes::LoudnessNode>()
             .with::<dsp::nodes::LowPassNode>()
             .with::<dsp::nodes::MetronomeNode>()

@@ -3,10 +3,10 @@
 use super::Exit;
 use super::args::CheckArgs;
 use super::console::stdout;
-use super::run::show;
-use crate::diag::json;
+use super::run::{note_lines, show};
+use crate::diag;
 use foley_nodes::registry::Registry;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::io::Write as _;
 use std::sync::Arc;
 
@@ -21,10 +21,13 @@ pub fn check(args: &CheckArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
         let found = args.session(path, registry).check();
         wrong |= found.any_error();
         if args.json {
-            let Value::Array(items) = json(&found.diagnostics, &found.sources) else { continue };
+            let Value::Array(items) = diag::json(&found.diagnostics, &found.sources) else { continue };
             all.extend(items);
+            let note = |(node, text)| json!({ "severity": "note", "node": node, "message": text });
+            all.extend(found.notes.iter().map(|(node, text)| note((node, text))));
         } else {
             show(&found.diagnostics, &found.sources);
+            note_lines(found.notes.iter()).iter().try_for_each(|line| writeln!(stdout(), "{line}"))?;
         }
     }
     if args.json {

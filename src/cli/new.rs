@@ -23,13 +23,15 @@ enum Content {
 impl OwnFiles {
     /// The template that uses these files, and the names of the options that it does not use.
     fn unused(&self, template: Template) -> Vec<&'static str> {
+        use Template::{Cloth, Grains, Material, Numbers, Texture};
         let given = [
-            ("--mesh", self.mesh.is_some(), Template::Cloth),
-            ("--recordings", !self.recordings.is_empty(), Template::Cloth),
-            ("--image", self.image.is_some(), Template::Texture),
-            ("--contacts", self.contacts.is_some(), Template::Texture),
+            ("--mesh", self.mesh.is_some(), &[Cloth, Material][..]),
+            ("--recordings", !self.recordings.is_empty(), &[Cloth, Material, Grains, Numbers]),
+            ("--image", self.image.is_some(), &[Texture]),
+            ("--contacts", self.contacts.is_some(), &[Texture, Grains]),
         ];
-        given.into_iter().filter(|(_, given, of)| *given && *of != template).map(|(name, ..)| name).collect()
+        let unused = given.into_iter().filter(|(_, given, by)| *given && !by.contains(&template));
+        unused.map(|(name, ..)| name).collect()
     }
 }
 
@@ -51,6 +53,38 @@ fn filled(template: &str, values: &[(&str, String)]) -> String {
 /// The name of a copy in a folder of the project.
 fn copied(folder: &str, path: &Path) -> String {
     format!("{folder}/{}", path.file_name().unwrap_or_default().to_string_lossy())
+}
+
+/// The recordings of a template: their names in the project, and what they contain.
+fn recordings(template: Template) -> Vec<(String, Content)> {
+    macro_rules! recordings {
+        ($($name:literal),*) => {
+            vec![$((
+                format!("recordings/{}", $name),
+                Content::Bytes(include_bytes!(concat!("../../graphs/assets/recordings/", $name))),
+            )),*]
+        };
+    }
+    match template {
+        Template::Material => recordings!["metal_dull_1.flac", "metal_dull_2.flac", "metal_dull_3.flac"],
+        Template::Grains => {
+            recordings!["wood_hit_a1.flac", "wood_hit_a2.flac", "wood_hit_a3.flac", "scrape_stone_gate.flac"]
+        }
+        Template::Numbers => recordings!["birds.ogg"],
+        _ => Vec::new(),
+    }
+}
+
+/// The node `mesh`: the shape of an object, of the user or that comes with the program.
+fn shape_node(mesh: Option<&Path>) -> String {
+    let file = mesh.map_or_else(|| "bar.mesh".to_owned(), |path| copied("assets", path));
+    let surface = mesh
+        .and_then(Path::extension)
+        .is_some_and(|e| ["obj", "stl", "ply"].contains(&&*e.to_string_lossy().to_lowercase()));
+    let node = if surface { "SurfaceToTets" } else { "TetMeshFile" };
+    format!(
+        "        // Metres: `scale: 0.001` for a shape in millimetres.\n        \"mesh\": {node}(path: {file:?}),"
+    )
 }
 
 /// The node `cloth`: an animation of the user, or a synthetic one.
@@ -91,9 +125,11 @@ fn project(name: &str, template: Template, own: &OwnFiles) -> Vec<(String, Conte
         title.replace_range(..first.len_utf8(), &first.to_uppercase().to_string());
     }
     let image = own.image.as_deref().map_or_else(|| "tiles.png".to_owned(), |path| copied("assets", path));
-    let recordings: Vec<String> =
-        own.recordings.iter().map(|path| format!("{:?}", copied("recordings", path))).collect();
-    let with_takes = !recordings.is_empty();
+    let with_takes = !own.recordings.is_empty();
+    let own_recordings =
+        own.recordings.iter().map(|path| (copied("recordings", path), Content::Copy(path.clone())));
+    let recordings = if with_takes { own_recordings.collect() } else { recordings(template) };
+    let names: Vec<String> = recordings.iter().map(|(name, _)| format!("{name:?}")).collect();
     let text = match template {
         Template::Wind => include_str!("new/wind.ron"),
         Template::Impact => include_str!("new/impact.ron"),
@@ -102,11 +138,19 @@ fn project(name: &str, template: Template, own: &OwnFiles) -> Vec<(String, Conte
         Template::Texture => include_str!("new/texture.ron"),
         Template::Cloth if with_takes => include_str!("new/cloth_recordings.ron"),
         Template::Cloth => include_str!("new/cloth.ron"),
+        Template::Material => include_str!("new/material.ron"),
+        Template::Grains if own.contacts.is_some() => include_str!("new/grains_contacts.ron"),
+        Template::Grains => include_str!("new/grains.ron"),
+        Template::Numbers => include_str!("new/numbers.ron"),
+    };
+    let mesh = match template {
+        Template::Material => shape_node(own.mesh.as_deref()),
+        _ => mesh_node(own.mesh.as_deref(), with_takes),
     };
     let contacts = own.contacts.as_deref().map_or_else(String::new, |path| copied("assets", path));
     let values = [
-        ("MESH", mesh_node(own.mesh.as_deref(), with_takes)),
-        ("RECORDINGS", format!("[{}]", recordings.join(", "))),
+        ("MESH", mesh),
+        ("RECORDINGS", format!("[{}]", names.join(", "))),
         ("CONTACTS", format!("{contacts:?}")),
         ("IMAGE", format!("{image:?}")),
         ("TITLE", format!("{title:?}")),
@@ -123,10 +167,12 @@ fn project(name: &str, template: Template, own: &OwnFiles) -> Vec<(String, Conte
             Content::Text(include_str!("../../graphs/assets/impact/bar.modes.csv").into()),
         )
     };
-    let impacts = || ("impacts.csv".to_owned(), Content::Text(include_str!("new/impacts.csv").into()));
+    let text = |name: &str, text: &str| (name.to_owned(), Content::Text(text.into()));
     match template {
         Template::Wind => {}
-        Template::Impact | Template::Live => files.extend([impacts(), bar()]),
+        Template::Impact | Template::Live => {
+            files.extend([text("impacts.csv", include_str!("new/impacts.csv")), bar()]);
+        }
         Template::Texture => {
             files.push(bar());
             if own.image.is_none() {
@@ -134,15 +180,27 @@ fn project(name: &str, template: Template, own: &OwnFiles) -> Vec<(String, Conte
             }
         }
         Template::Cloth if with_takes => {
-            let target = include_str!("../../graphs/lib/target.ron");
-            files.push(("lib/target.ron".into(), Content::Text(target.into())));
+            files.push(text("lib/target.ron", include_str!("../../graphs/lib/target.ron")));
         }
-        Template::Cloth => {}
+        Template::Material => {
+            let steel = include_str!("../../graphs/lib/materials/steel_wrench.material.ron");
+            files.extend([
+                text("impacts.csv", include_str!("new/strikes.csv")),
+                text("steel.material.ron", steel),
+            ]);
+            if own.mesh.is_none() {
+                files.push(text("bar.mesh", include_str!("../../graphs/assets/meshes/bar.mesh")));
+            }
+        }
+        Template::Grains if own.contacts.is_none() => {
+            files.push(text("taps.csv", include_str!("new/taps.csv")));
+        }
+        Template::Cloth | Template::Grains | Template::Numbers => {}
     }
     let assets =
         [own.mesh.clone(), own.mesh.as_deref().and_then(faces_of), own.image.clone(), own.contacts.clone()];
     files.extend(assets.into_iter().flatten().map(|path| (copied("assets", &path), Content::Copy(path))));
-    files.extend(own.recordings.iter().map(|path| (copied("recordings", path), Content::Copy(path.clone()))));
+    files.extend(recordings);
     let values = [("NAME", name.to_owned()), ("CHANGE", change(template).to_owned())];
     let read_me = filled(include_str!("new/README.md"), &values);
     files.push(("README.md".into(), Content::Text(read_me)));
@@ -155,7 +213,8 @@ fn change(template: Template) -> &'static str {
     match template {
         Template::Wind => "cutoff=2000",
         Template::Impact | Template::Live => "pitch=0.5",
-        Template::Texture => "level=0.3",
+        Template::Texture | Template::Material | Template::Grains => "level=0.3",
+        Template::Numbers => "seconds=60",
         Template::Cloth => "radius=0.01",
     }
 }

@@ -129,7 +129,7 @@ fn figure(key: &str, value: &serde_json::Value) -> String {
 const MAX_NOTES: usize = 8;
 
 /// Lines of notes, each of a node and a text, in their order.
-fn note_lines<'a>(notes: impl Iterator<Item = &'a (String, String)>) -> Vec<String> {
+pub(super) fn note_lines<'a>(notes: impl Iterator<Item = &'a (String, String)>) -> Vec<String> {
     let (mut lines, mut counts) = (Vec::new(), Vec::<(&str, usize)>::new());
     for (id, note) in notes {
         let at = counts.iter().position(|(node, _)| node == id).unwrap_or_else(|| {
@@ -167,7 +167,7 @@ fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
             write!(out, ", peak {:.4}, rms {:.4}", peak, rms)?;
         }
         if let Some(clipped) = get("clipped").filter(|&c| c > 0.0) {
-            write!(out, ", {clipped} samples clipped: lower the level, or write Float32")?;
+            write!(out, ", {clipped} samples beyond full scale")?;
         }
         writeln!(out)?;
     }

@@ -190,7 +190,15 @@ impl Root {
         let real = match fs::canonicalize(path) {
             Ok(real) => real,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return error("F060", format!("there is no file {path:?}{}", similar(Path::new(path))));
+                // What lies outside is not disclosed.
+                let similar = similar(Path::new(path))
+                    .filter(|similar| fs::canonicalize(similar).is_ok_and(|similar| self.allows(&similar)));
+                let similar = similar.map(|similar| {
+                    let same_folder = similar.parent() == Path::new(path).parent();
+                    let name = similar.file_name().filter(|_| same_folder).map(Path::new);
+                    format!("; there is {:?}", name.unwrap_or(&similar).display().to_string())
+                });
+                return error("F060", format!("there is no file {path:?}{}", similar.unwrap_or_default()));
             }
             Err(e) => return error("F061", format!("cannot read {path:?}: {e}")),
         };
@@ -221,17 +229,29 @@ impl Root {
     }
 }
 
-/// Files in the folder that have nearly the name of one that is missing.
-fn similar(path: &Path) -> String {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let (Some(name), Ok(entries)) = (path.file_name().and_then(|n| n.to_str()), fs::read_dir(folder)) else {
-        return String::new();
-    };
-    let names: Vec<String> =
-        entries.flatten().take(10_000).filter_map(|e| e.file_name().into_string().ok()).collect();
-    super::nearest(name, names.iter().map(String::as_str))
-        .map(|n| format!("; there is {n:?}"))
-        .unwrap_or_default()
+/// Maximum number of names of a folder that are compared.
+const MAX_NAMES: usize = 10_000;
+
+/// The path that exists and differs from a missing one by slips in the names of its folders and its file; the folder, if it has no such
+/// file.
+fn similar(path: &Path) -> Option<PathBuf> {
+    let (mut found, mut corrected) = (PathBuf::new(), false);
+    for component in path.components() {
+        let next = found.join(component);
+        if next.symlink_metadata().is_ok() || !matches!(component, Component::Normal(_)) {
+            found = next;
+            continue;
+        }
+        let folder = if found.as_os_str().is_empty() { Path::new(".") } else { &found };
+        let entries = fs::read_dir(folder).ok()?.flatten().take(MAX_NAMES);
+        let names: Vec<String> = entries.filter_map(|e| e.file_name().into_string().ok()).collect();
+        match super::nearest(component.as_os_str().to_str()?, names.iter().map(String::as_str)) {
+            Some(name) => found.push(name),
+            None => return corrected.then_some(found),
+        }
+        corrected = true;
+    }
+    corrected.then_some(found)
 }
 
 /// The files of a [`Root`], for nodes.

@@ -1,9 +1,9 @@
 //! What has to hold for any input of a playing graph: the bodies of the fuzz targets, which tests run on damaged input as well.
 
-use super::input::{Hub, MAX_SETS, read_frames, read_line, read_lines, read_packet};
+use super::input::{Hub, MAX_SETS, Refusal, read_frames, read_line, read_lines, read_packet};
 use super::{CEILING, Callback, LiveGraph, Options, Player, PlayerEvent};
 use crate::graph::{DirFiles, Limits, LoadOptions, load_text};
-use foley_nodes::core::input::Inputs;
+use foley_nodes::core::input::{Inbox, Inputs, MAX_COUNT, MessageKind};
 use foley_nodes::core::time::Tick;
 use rosc::{OscMessage, OscPacket, OscType, encoder::encode};
 use std::path::Path;
@@ -14,18 +14,24 @@ use std::time::Duration;
 /// Channels that the inputs name.
 const CHANNELS: [&str; 3] = ["hits", "ball", "x"];
 
+/// Inboxes of all kinds on each channel.
+fn open_all(hub: &Hub) -> Vec<Box<dyn Inbox>> {
+    let kinds = CHANNELS.iter().flat_map(|channel| MessageKind::ALL.map(|kind| (channel, kind)));
+    kinds.filter_map(|(channel, kind)| hub.open(channel, kind, MAX_COUNT)).collect()
+}
+
 /// A packet, of OSC or not, is counted, and a node reads no more than what counts as delivered.
 pub fn check_packet(bytes: &[u8]) {
     let hub = Hub::new();
-    let inboxes = CHANNELS.map(|channel| hub.open(channel));
+    let inboxes = open_all(&hub);
     read_packet(bytes, &hub);
-    check_delivered(&hub, inboxes.into_iter().flatten());
+    check_delivered(&hub, inboxes.into_iter());
 }
 
 /// Each line that cannot be read is counted and reported, and a node reads no more than what counts as delivered.
 pub fn check_lines(bytes: &[u8]) {
     let hub = Hub::new();
-    let inboxes = CHANNELS.map(|channel| hub.open(channel));
+    let inboxes = open_all(&hub);
     // A time of a log is waited for, and here nothing plays.
     let bytes = String::from_utf8_lossy(bytes).replace("time_s", "time");
     let mut reports = 0_u64;
@@ -33,11 +39,11 @@ pub fn check_lines(bytes: &[u8]) {
         assert!(!message.is_empty());
         reports += 1;
     });
-    assert_eq!(reports, hub.malformed.load(Relaxed));
-    check_delivered(&hub, inboxes.into_iter().flatten());
+    assert_eq!(reports, hub.refusals.count(Refusal::Malformed));
+    check_delivered(&hub, inboxes.into_iter());
 }
 
-fn check_delivered(hub: &Hub, inboxes: impl Iterator<Item = Box<dyn foley_nodes::core::input::Inbox>>) {
+fn check_delivered(hub: &Hub, inboxes: impl Iterator<Item = Box<dyn Inbox>>) {
     let sets = hub.take_sets(Duration::ZERO).len();
     let mut read = 0;
     for mut inbox in inboxes {
@@ -61,7 +67,7 @@ pub fn check_frames(bytes: &[u8]) {
     let hub = Hub::new();
     let Some(mut inbox) = hub.open_frames("sheet", 6) else { return };
     let read = read_frames(bytes, &hub, &AtomicBool::new(false));
-    let counted = hub.malformed.load(Relaxed) + hub.unclaimed.load(Relaxed);
+    let counted = hub.refusals.count(Refusal::Malformed) + hub.refusals.count(Refusal::Unclaimed);
     assert!(read.is_ok() || counted > 0);
     let mut shown = [0.0; 6];
     inbox.latest(Tick::MAX, &mut shown);

@@ -1,5 +1,6 @@
 //! The side of playback that may wait: builds graphs for the callback, and replaces one by another while it plays.
 
+mod survey;
 mod swap;
 
 use super::playback::assembly::Assembly;
@@ -20,6 +21,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Acquire;
 use std::time::Duration;
+use survey::Surveys;
 use swap::{PendingSwap, SwapRequest};
 
 /// Slots of the rings to and from the callback.
@@ -81,6 +83,8 @@ pub enum PlayerEvent {
     TransitionOver,
     /// The output of this node was not finite, and the node begins anew; reported once for each node.
     Renewed(String),
+    /// Nothing is heard for a second, although something comes in: nodes that give nothing, with the reasons.
+    Silent(Vec<(String, String)>),
     /// A node failed; there is silence until the next load.
     Failed(Box<Diagnostic>),
 }
@@ -110,6 +114,7 @@ pub struct Player {
     renewed: HashSet<String>,
     /// Events that are not reported yet.
     events: Vec<PlayerEvent>,
+    surveys: Surveys,
     times: BTreeMap<String, Arc<Histogram>>,
     /// Estimated time to assemble a swap: the longest of the last ones.
     assembly_time: Duration,
@@ -170,6 +175,7 @@ impl Player {
             renewing: false,
             renewed: HashSet::new(),
             events: Vec::new(),
+            surveys: Surveys::default(),
             times,
             assembly_time: Duration::from_millis(1),
         };
@@ -248,6 +254,7 @@ impl Player {
         if self.is_busy() {
             return Err(vec![Diagnostic::general("F091", "the transition before is not over")]);
         }
+        self.surveys.begin_again();
         let next = PreparedGraph::new(graph)?;
         if next.draft.rate != self.timing.rate {
             let (found, expected) = (next.draft.rate, self.timing.rate);
@@ -343,6 +350,7 @@ impl Player {
                     }
                 }
                 Reply::Renewed(_) => self.renewing = false,
+                Reply::Surveyed(survey) => self.surveys.add(*survey),
                 Reply::NotFinite(node) => self.renew(None, node),
                 Reply::Fault(node, fault) => self.on_fault(None, node, fault),
             }
@@ -353,6 +361,7 @@ impl Player {
                 None => self.renew(Some(region), node),
             }
         }
+        self.watch_silence();
         let played = self.shared.window.load(Acquire);
         if self.pending_swap.is_none() && self.transition_end.is_some_and(|end| played >= end) {
             self.end_transition();

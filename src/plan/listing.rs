@@ -13,6 +13,13 @@ use std::fmt::Write as _;
 const SMALL: usize = 20;
 
 impl Plan {
+    /// What nodes note about their files: the id of each, and a text.
+    #[must_use]
+    pub fn notes(&self, graph: &Graph) -> Vec<(String, String)> {
+        let nodes = graph.nodes.iter().zip(&self.shapes);
+        nodes.flat_map(|(n, shape)| shape.notes.iter().map(|note| (n.id.clone(), note.clone()))).collect()
+    }
+
     /// Returns the bytes of the buffers of each output, largest first: node, port, bytes.
     #[must_use]
     pub fn bytes_by_output(&self) -> Vec<(usize, usize, usize)> {
@@ -47,6 +54,9 @@ impl Plan {
     pub fn text(&self, graph: &Graph, long: bool) -> String {
         let long = long || graph.nodes.len() <= SMALL;
         let mut out = String::new();
+        for (node, note) in self.notes(graph) {
+            let _ = writeln!(out, "note: {node}: {note}");
+        }
         let _ = writeln!(
             out,
             "{} node(s), {} phase(s), windows of {:.1} ms, {} of buffers",
@@ -151,6 +161,7 @@ impl Plan {
                     .collect();
                 json!({
                     "id": node.id,
+                    "notes": self.shapes[n].notes,
                     "type": node.ty.name,
                     "class": node.ty.class.word(),
                     "phases": phases,

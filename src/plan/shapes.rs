@@ -2,6 +2,7 @@
 
 use crate::diag::Diagnostic;
 use crate::graph::{Graph, Link};
+use foley_nodes::core::fault::Reject;
 use foley_nodes::core::files::Files;
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use foley_nodes::core::shape::{LinkShape, NodeShape, RawShape};
@@ -39,13 +40,53 @@ pub fn shape_all(graph: &Graph, files: &dyn Files) -> Shaped {
                 failed[n] = true;
                 errors.extend(rejects.into_iter().map(|reject| {
                     let location = graph.location(n, reject.field.as_deref());
-                    Diagnostic::of_reject(reject, location, &node.id)
+                    let source = rate_source(graph, &shapes, n, &reject);
+                    Diagnostic::of_reject(with_source(reject, source), location, &node.id)
                 }));
             }
         }
     }
     errors.extend(check_loops(graph, &shapes, &failed));
     Shaped { shapes, failed, errors }
+}
+
+/// The node whose parameter `rate` sets the rate of the stream that a rejection is about.
+fn rate_source<'a>(graph: &'a Graph, shapes: &[NodeShape], n: usize, reject: &Reject) -> Option<&'a str> {
+    reject.rate?;
+    let field = reject.field.as_deref()?;
+    let (port, item) = match field.split_once('[') {
+        Some((port, item)) => (port, item.trim_end_matches(']').parse().ok()?),
+        None => (field, 0),
+    };
+    let port = graph.nodes[n].ty.inputs.iter().position(|spec| spec.name == port)?;
+    let mut link = graph.nodes[n].links[port].get(item)?;
+    loop {
+        let node = &graph.nodes[link.node];
+        if (node.ty.params)().iter().any(|spec| spec.name == "rate") {
+            return Some(&node.id);
+        }
+        // The only stream of this rate that it reads sets the rate of what it gives.
+        let rate = |link: &Link| Some(shapes[link.node].outputs.get(link.port)?.as_ref()?.rate);
+        let own = rate(link)?;
+        let mut inputs = node.links.iter().flatten().filter(|input| rate(input) == Some(own));
+        let first = inputs.next().filter(|first| !closes_loop(graph, link.node, first))?;
+        if inputs.next().is_some() {
+            return None;
+        }
+        link = first;
+    }
+}
+
+/// A rejection whose advice names the node that sets the rate.
+fn with_source(reject: Reject, source: Option<&str>) -> Reject {
+    let advice = reject.help.as_deref().zip(source).zip(reject.rate);
+    let advice = advice.map(|((help, source), rate)| {
+        format!("{help}, or set `rate: {rate}` on `{source}`").replace(" Hz", "")
+    });
+    match advice {
+        Some(help) => reject.help(help),
+        None => reject,
+    }
 }
 
 /// The shape of a link; `None` for a stream that closes a loop.

@@ -7,6 +7,7 @@ mod cached_phase;
 mod cached_streams;
 mod chart_writer;
 mod checkpointer;
+mod clipping;
 mod engine;
 mod job;
 mod memory_tap;
@@ -20,10 +21,12 @@ mod targets;
 mod values;
 
 pub use crate::memo::Values;
+pub use clipping::{Loudness, advice as clipping_advice};
 pub use job::{Job, Progress};
 pub use memory_tap::{EventTap, MemoryTap, StreamData, StreamTap, ValueTap};
 pub use output_files::DirOutputs;
 pub use report::{NodeReport, OutputReport, Report};
+pub use silence::{Period, explain as explain_silence};
 pub use stages::{BuildSite, assemble, stage};
 pub use tap::{Tap, TapTarget, check as check_tap, check_memory as check_memory_tap};
 pub use targets::{check as check_targets, check_given};
@@ -32,6 +35,7 @@ use crate::diag::Diagnostic;
 use crate::memo::{Memo, RunCache};
 use cached_phase::Skipped;
 use cached_streams::CachedStreams;
+use foley_nodes::core::params::Datum;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -56,7 +60,23 @@ pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
     }
     report.close(job, start.elapsed());
     let tapped: Vec<_> = job.taps.iter().map(|tap| (tap.node, tap.port)).collect();
-    report.notes.extend(silence::explain(job.graph, &report.nodes, &tapped));
+    report.notes.extend(silence::explain(job.graph, &report.nodes, &tapped, Period::Run));
+    // A file of floats holds what it gets, such as a force in N.
+    let clips = |n: usize| {
+        let params = job.graph.nodes[n].params.write();
+        !params
+            .iter()
+            .any(|(name, datum)| *name == "format" && matches!(datum, Datum::Name(name) if name == "Float32"))
+    };
+    for (n, node) in report.nodes.iter().enumerate().filter(|(n, node)| node.sink && clips(*n)) {
+        let fact = |key: &str| node.summary.get(key).and_then(serde_json::Value::as_f64);
+        if let (Some(peak), Some(over), Some(frames), Some(channels)) =
+            (fact("peak"), fact("clipped").filter(|over| *over > 0.0), fact("frames"), fact("channels"))
+        {
+            let sound = Loudness { peak, over: over / (frames * channels) };
+            report.notes.push((node.id.clone(), clipping::advice(job.graph, n, sound)));
+        }
+    }
     Ok(report)
 }
 

@@ -76,14 +76,12 @@ impl Report {
             sink: n.ty.outputs.is_empty(),
             ..NodeReport::default()
         });
-        let notes = graph.nodes.iter().zip(&plan.shapes);
-        let notes = notes.flat_map(|(n, shape)| shape.notes.iter().map(|note| (n.id.clone(), note.clone())));
         Self {
             title: graph.title.clone(),
             planned_bytes: plan.bytes,
             length: seconds(plan.length(graph)),
             nodes: nodes.collect(),
-            notes: notes.collect(),
+            notes: plan.notes(graph),
             ..Self::default()
         }
     }

@@ -1,4 +1,4 @@
-//! Explains why an output, or a part of a mix, is silent throughout a run.
+//! Explains why an output, or a part of a mix, is silent.
 
 use super::report::NodeReport;
 use crate::graph::{Graph, Link};
@@ -18,25 +18,43 @@ fn output(link: &Link) -> Output {
     (link.node, link.port)
 }
 
+/// The time that is explained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Period {
+    /// A whole run.
+    Run,
+    /// A second of a graph that plays: a source that has a pause, or a node without messages, needs no explanation.
+    Second,
+}
+
 /// A graph with what its nodes have given.
 struct Search<'a> {
     graph: &'a Graph,
     reports: &'a [NodeReport],
+    period: Period,
     visited: BTreeSet<usize>,
     notes: Vec<(usize, String)>,
 }
 
-/// Returns notes, each of a node and a text: why files, taps (`tapped`, by node and port) and parts of mixes are silent throughout.
+/// Returns notes, each of a node and a text: why files, taps (`tapped`, by node and port) and, in a whole run, parts of mixes are silent.
 ///
 /// From what is silent the search goes upstream to the first nodes that gave nothing although they got something.
-pub fn explain(graph: &Graph, reports: &[NodeReport], tapped: &[Output]) -> Vec<(String, String)> {
-    let mut search = Search { graph, reports, visited: BTreeSet::new(), notes: Vec::new() };
+pub fn explain(
+    graph: &Graph,
+    reports: &[NodeReport],
+    tapped: &[Output],
+    period: Period,
+) -> Vec<(String, String)> {
+    let mut search = Search { graph, reports, period, visited: BTreeSet::new(), notes: Vec::new() };
     for (n, node) in graph.nodes.iter().enumerate() {
         let sink = node.ty.outputs.is_empty();
         for (spec, links) in node.ty.inputs.iter().zip(&node.links) {
             if sink && flows(spec) {
                 links.iter().for_each(|link| search.follow(output(link), true));
-            } else if is_mix(spec) && reports[n].activity.is_some_and(|active| active != 0) {
+            } else if period == Period::Run
+                && is_mix(spec)
+                && reports[n].activity.is_some_and(|active| active != 0)
+            {
                 links.iter().for_each(|link| search.follow(output(link), false));
             }
         }
@@ -105,9 +123,11 @@ impl Search<'_> {
             None if is_off => Some("a linked strength is 0".to_owned()),
             None => zero.map(|name| format!("`{name}` is 0")),
         };
-        if reason.is_some() || silent.is_empty() {
+        let unexplained = silent.is_empty() && (self.period == Period::Run || !heard.is_empty());
+        if reason.is_some() || unexplained {
             let text = reason.unwrap_or_else(|| self.generic(n, &heard));
-            self.notes.push((n, format!("silent throughout: {text}")));
+            let what = if self.period == Period::Run { "silent throughout" } else { "silent" };
+            self.notes.push((n, format!("{what}: {text}")));
         }
         for (_, link) in silent {
             if self.reason(link.0).is_some() {

@@ -8,6 +8,8 @@ use std::fmt;
 pub struct Errors {
     /// The diagnostics, in the order of the text.
     pub diagnostics: Vec<Diagnostic>,
+    /// What nodes note about their files: the id of each, and a text.
+    pub notes: Vec<(String, String)>,
     /// The texts.
     pub sources: Sources,
 }

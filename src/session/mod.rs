@@ -292,20 +292,28 @@ impl Session {
         Preparation { prepared, diagnostics, sources: loaded.sources, asked }
     }
 
-    /// All errors and warnings of the graph, found without running it.
+    /// All errors and warnings of the graph, and what its nodes note about their files, found without running it.
     ///
     /// A graph without an end is not wrong: it may be meant to be played.
     #[must_use]
     pub fn check(&self) -> Errors {
         let (loaded, files) = self.load();
         let mut diagnostics = loaded.diagnostics;
+        let mut notes = Vec::new();
         if let Some(graph) = &loaded.graph {
-            let options = PlanOptions { memory: self.options.limits.memory, ..PlanOptions::default() };
-            diagnostics.extend(Plan::new(graph, &files, &options).err().into_iter().flatten());
+            // A graph without an end has the same notes up to any end.
+            for until in [self.until, Some(ticks(1.0))] {
+                let memory = self.options.limits.memory;
+                match Plan::new(graph, &files, &PlanOptions { memory, until, ..PlanOptions::default() }) {
+                    Ok(plan) => notes = plan.notes(graph),
+                    Err(found) if until.is_none() && found.iter().all(|d| d.code == "F048") => continue,
+                    Err(found) => diagnostics.extend(found.into_iter().filter(|d| d.code != "F048")),
+                }
+                break;
+            }
         }
-        diagnostics.retain(|d| d.code != "F048");
         sort(&mut diagnostics, &loaded.sources);
-        Errors { diagnostics, sources: loaded.sources }
+        Errors { diagnostics, notes, sources: loaded.sources }
     }
 
     /// Runs the graph to its end; its files appear below `folder`, all of them or none.
@@ -332,7 +340,7 @@ impl Session {
     pub fn live_graph(&self, inputs: Arc<dyn Inputs>) -> Result<LiveGraph, Errors> {
         let live = self.clone().with_until(Some(self.until.map_or(1.0, seconds)));
         let (Loaded { graph, diagnostics, sources, .. }, files) = live.load();
-        let Some(graph) = graph else { return Err(Errors { diagnostics, sources }) };
+        let Some(graph) = graph else { return Err(Errors { diagnostics, notes: Vec::new(), sources }) };
         let seed = self.seed.unwrap_or(graph.seed);
         Ok(LiveGraph { graph, files, seed, memo: self.memo.clone(), inputs })
     }
@@ -344,7 +352,11 @@ impl Session {
     pub fn play(&self, inputs: Arc<dyn Inputs>, options: Options) -> Result<(Player, Callback), Errors> {
         let graph = self.live_graph(inputs)?;
         let sources = graph.graph.sources.clone();
-        Player::start(graph, options).map_err(|diagnostics| Errors { diagnostics, sources })
+        Player::start(graph, options).map_err(|diagnostics| Errors {
+            diagnostics,
+            notes: Vec::new(),
+            sources,
+        })
     }
 }
 

@@ -51,7 +51,11 @@ impl Prepared {
     fn checked_run(&self, outputs: &DirOutputs) -> Result<Report, Errors> {
         let errors = self.check_targets(None, outputs);
         let result = if errors.is_empty() { self.run(outputs) } else { Err(errors) };
-        result.map_err(|diagnostics| Errors { diagnostics, sources: self.graph.sources.clone() })
+        result.map_err(|diagnostics| Errors {
+            diagnostics,
+            notes: Vec::new(),
+            sources: self.graph.sources.clone(),
+        })
     }
 
     /// Finds outputs that would overwrite each other or an input; `report` is one more file.
@@ -99,6 +103,6 @@ impl Preparation {
     pub fn into_result(self) -> Result<Prepared, Errors> {
         let Self { prepared, diagnostics, sources, .. } = self;
         debug_assert!(prepared.is_some() || any_error(&diagnostics));
-        prepared.ok_or(Errors { diagnostics, sources })
+        prepared.ok_or(Errors { diagnostics, notes: Vec::new(), sources })
     }
 }

@@ -2,12 +2,15 @@
 
 mod commands;
 mod diagnostics;
+mod fixes;
+mod level;
 mod messages;
 #[cfg(unix)]
 mod named_files;
 mod new_projects;
 mod refused;
 mod silence;
+mod times;
 mod tools;
 #[cfg(unix)]
 mod watch;

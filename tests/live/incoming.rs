@@ -3,9 +3,9 @@
 use super::playback::{OUT, Stand, graph};
 use crate::common;
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load, load_text};
-use foley::live::input::{Hub, listen_to_meshes};
+use foley::live::input::{Hub, Refusal, listen_to_meshes};
 use foley::live::{LiveGraph, Options, Player};
-use foley_nodes::core::input::{Inbox, Inputs, Message};
+use foley_nodes::core::input::{Inbox, Inputs, Message, MessageKind};
 use foley_nodes::core::time::{Tick, ticks};
 use foley_nodes::live_input::{ContactMessage, contact_to_message};
 use std::io::Write;
@@ -26,7 +26,7 @@ impl Inbox for ScriptInbox {
 }
 
 impl Inputs for Script {
-    fn open(&self, channel: &str) -> Option<Box<dyn Inbox>> {
+    fn open(&self, channel: &str, _: MessageKind, _: usize) -> Option<Box<dyn Inbox>> {
         (channel == self.0).then(|| Box::new(ScriptInbox(self.1.clone().into_iter())) as Box<dyn Inbox>)
     }
 }
@@ -218,5 +218,5 @@ fn a_mesh_that_comes_in_is_heard_goes_on_while_frames_are_late_falls_silent_and_
     assert!((0.7..1.4).contains(&(back / moving)), "{back} {moving}");
     // The frame that catches up moves by 9 cm in one item.
     assert!(peak(1.28, 1.4) < 1.5 * peak(0.2, 0.9), "{} {}", peak(1.28, 1.4), peak(0.2, 0.9));
-    assert_eq!((hub.malformed.load(Relaxed), hub.unclaimed.load(Relaxed)), (0, 0));
+    assert_eq!(Refusal::ALL.map(|refusal| hub.refusals.count(refusal)), [0; 6]);
 }

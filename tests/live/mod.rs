@@ -3,6 +3,7 @@
 mod commands;
 mod incoming;
 mod late_events;
+mod mistakes;
 mod playback;
 mod recovery;
 mod soak;

@@ -4,7 +4,7 @@ use foley::Registry;
 use foley::graph::{DirFiles, Limits, LoadOptions, load_text};
 use foley::live::input::Hub;
 use foley::live::{Callback, LiveGraph, Options, Player, PlayerEvent};
-use foley::nodes::core::input::Message;
+use foley::nodes::core::input::{Message, MessageKind};
 use foley::nodes::prelude::node::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -164,7 +164,8 @@ fn a_node_that_is_not_finite_is_reset_reported_once_and_sounds_again() {
             }
             block[127]
         };
-        let send = |x: f64| hub.deliver("x", Message::new(&[x]).unwrap(), Duration::ZERO);
+        let send =
+            |x: f64| hub.deliver("x", Message::new(MessageKind::Control, &[x]).unwrap(), Duration::ZERO);
         assert!((play(&mut player, 200) - 0.25).abs() < 1e-3, "{name}");
         for _ in 0..3 {
             send(1e39);

@@ -12,5 +12,5 @@ pub mod ports;
 mod run;
 pub mod shape;
 
-pub use data::{buffer, content, fault, feed, files, input, item, random, state, time, unmatched};
+pub use data::{buffer, content, fault, feed, files, input, item, random, silence, state, time, unmatched};
 pub use run::{stage, standalone};

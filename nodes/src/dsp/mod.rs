@@ -22,6 +22,7 @@ pub use error::DspError;
 pub use filter::butterworth::{Band, Butterworth, Cascade};
 pub use filter::section::{Biquad, Section};
 pub use filter::zero_phase::zero_phase;
+pub use level::limiter::PeakLimiter;
 pub use level::loudness_meter::LoudnessMeter;
 pub use level::meter::{Level, LevelMeter};
 pub(crate) use level::ramp::ramp_frames;
@@ -54,6 +55,7 @@ pub mod nodes {
     pub use super::filter::node::{FilterIo, FilterPorts};
     pub use super::level::gain::{GainIo, GainNode, GainParams, GainPorts};
     pub use super::level::level_meter::{LevelMeterIo, LevelMeterNode, LevelMeterParams, LevelMeterPorts};
+    pub use super::level::limiter::{Limiter, LimiterIo, LimiterParams, LimiterPorts};
     pub use super::level::loudness::{LoudnessIo, LoudnessNode, LoudnessParams, LoudnessPorts};
     pub use super::level::normalize::{NormalizeIo, NormalizeNode, NormalizeParams, NormalizePorts};
     pub use super::level::transient_transfer::{

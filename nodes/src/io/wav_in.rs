@@ -52,7 +52,8 @@ fn frame_range(p: &WavInParams, info: &AudioInfo) -> Result<(u64, u64), Reject> 
     let start = frames(p.start);
     if start > info.frames {
         let message = format!("the recording is {:.3} s long, `start` is {} s", info.seconds(), p.start);
-        return Err(Reject::new("F051", message).at("start"));
+        let help = format!("start below {:.3}", info.seconds());
+        return Err(Reject::new("F051", message).at("start").help(help));
     }
     let end =
         p.duration.map_or(info.frames, |seconds| start.saturating_add(frames(seconds)).min(info.frames));

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value};
 
 use crate::contact::vector::{Vec3, norm};
-use crate::core::input::Message;
+use crate::core::input::{Message, MessageKind};
 
 /// One frame of a contact in a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,7 +182,7 @@ pub fn contact_to_message(contact: &ContactMessage) -> Option<Message> {
     let ([px, py, pz], [nx, ny, nz], [vx, vy, vz]) = (contact.point, contact.normal, contact.velocity);
     let [tx, ty, tz] = contact.travel.unwrap_or_default();
     let or_unknown = |x: Option<f64>| x.unwrap_or(UNKNOWN);
-    Message::new(&[
+    let numbers = [
         contact.id as f64,
         contact.bodies[0].into(),
         contact.bodies[1].into(),
@@ -205,12 +205,16 @@ pub fn contact_to_message(contact: &ContactMessage) -> Option<Message> {
         or_unknown(contact.depth),
         f64::from(u8::from(contact.travel.is_some())),
         f64::from(u8::from(contact.ends)),
-    ])
+    ];
+    Message::new(MessageKind::Contact, &numbers)
 }
 
 /// Decodes a contact message; returns `None` for any other message.
 #[must_use]
 pub fn contact_from_message(message: &Message) -> Option<ContactMessage> {
+    if message.kind() != MessageKind::Contact {
+        return None;
+    }
     let (numbers, flags) = message.numbers().split_at_checked(20)?;
     let [has_travel, ends] = *flags else { return None };
     if ends > 0.0 {
@@ -239,7 +243,7 @@ mod tests {
         assert_eq!((full.depth, deep.depth), (None, Some(-0.002)));
         assert_eq!(contact_from_message(&contact_to_message(&deep).unwrap()), Some(deep));
         assert_eq!(ContactMessage::from_numbers(&[&NUMBERS[..], &[f64::NAN]].concat()), None);
-        assert_eq!(contact_from_message(&Message::new(&[1.0]).unwrap()), None);
+        assert_eq!(contact_from_message(&Message::new(MessageKind::Contact, &[1.0]).unwrap()), None);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::contact_message::contact_from_message;
 use super::contact_tracker::ContactTracker;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
-use crate::core::input::Inbox;
+use crate::core::input::{Inbox, MAX_COUNT, MessageKind};
 use crate::core::node::{Class, Node, Summary};
 use crate::core::params::{Params, Text};
 use crate::core::ports::Events;
@@ -66,7 +66,7 @@ impl Node for LiveContacts {
     fn build(p: &LiveContactsParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let silence = ticks(p.silence).max(2 * ticks(p.frame));
         let tracker = ContactTracker::new(ticks(p.frame), silence, p.room.into());
-        Ok(Self { inbox: cx.inputs.open(&p.channel.0), tracker, frames: 0 })
+        Ok(Self { inbox: cx.inputs.open(&p.channel.0, MessageKind::Contact, MAX_COUNT), tracker, frames: 0 })
     }
 
     fn run(&mut self, mut io: LiveContactsIo<'_>) -> Result<(), Fault> {

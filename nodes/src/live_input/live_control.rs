@@ -2,7 +2,7 @@
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
-use crate::core::input::{Inbox, Message};
+use crate::core::input::{Inbox, Message, MessageKind};
 use crate::core::item::Channels;
 use crate::core::node::{Class, Node};
 use crate::core::params::{Params, Text};
@@ -20,7 +20,7 @@ const MAX_VALUES: usize = 16;
 /// Encodes the numbers of a control; returns `None` if they are too many or not finite.
 #[must_use]
 pub fn control_to_message(numbers: &[f64]) -> Option<Message> {
-    (numbers.len() <= MAX_VALUES).then(|| Message::new(numbers))?
+    (numbers.len() <= MAX_VALUES).then(|| Message::new(MessageKind::Control, numbers))?
 }
 
 params! {
@@ -125,7 +125,8 @@ impl Node for LiveControl {
 
     fn build(p: &LiveControlParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let items = (p.glide * p.rate.as_f64()).round() as u64;
-        Ok(Self { inbox: cx.inputs.open(&p.channel.0), glide: Glide::new(&p.initial, items), rate: p.rate })
+        let inbox = cx.inputs.open(&p.channel.0, MessageKind::Control, p.initial.len());
+        Ok(Self { inbox, glide: Glide::new(&p.initial, items), rate: p.rate })
     }
 
     fn run(&mut self, mut io: LiveControlIo<'_>) -> Result<(), Fault> {

@@ -2,7 +2,7 @@
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
-use crate::core::input::{Inbox, Message};
+use crate::core::input::{Inbox, MAX_COUNT, Message, MessageKind};
 use crate::core::node::{Class, Node};
 use crate::core::params::{Params, Text};
 use crate::core::ports::Events;
@@ -38,7 +38,7 @@ ports! {
 #[must_use]
 pub fn impact_to_message(impact: &Impact) -> Option<Message> {
     let [x, y, z] = impact.position.map(f64::from);
-    Message::new(&[
+    let numbers = [
         impact.impulse.into(),
         impact.energy.into(),
         impact.hardness.into(),
@@ -48,7 +48,8 @@ pub fn impact_to_message(impact: &Impact) -> Option<Message> {
         x,
         y,
         z,
-    ])
+    ];
+    Message::new(MessageKind::Impact, &numbers)
 }
 
 /// Decodes an impact; returns `None` for any other message.
@@ -68,7 +69,7 @@ pub fn impact_from_message(message: &Message) -> Option<Impact> {
         // What is sent is relative to the object.
         local: [x as f32, y as f32, z as f32],
     };
-    impact.is_valid().then_some(impact)
+    (message.kind() == MessageKind::Impact && impact.is_valid()).then_some(impact)
 }
 
 /// The node `LiveImpacts`.
@@ -88,7 +89,7 @@ impl Node for LiveImpacts {
     }
 
     fn build(p: &LiveImpactsParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        Ok(Self { inbox: cx.inputs.open(&p.channel.0) })
+        Ok(Self { inbox: cx.inputs.open(&p.channel.0, MessageKind::Impact, MAX_COUNT) })
     }
 
     fn run(&mut self, mut io: LiveImpactsIo<'_>) -> Result<(), Fault> {
@@ -120,7 +121,7 @@ mod tests {
         impact.local = impact.position;
         impact.point = 3;
         assert_eq!(impact_from_message(&impact_to_message(&impact).unwrap()), Some(impact));
-        assert_eq!(impact_from_message(&Message::new(&[1.0]).unwrap()), None);
-        assert_eq!(Message::new(&[f64::NAN]), None);
+        assert_eq!(impact_from_message(&Message::new(MessageKind::Impact, &[1.0]).unwrap()), None);
+        assert_eq!(Message::new(MessageKind::Impact, &[f64::NAN]), None);
     }
 }

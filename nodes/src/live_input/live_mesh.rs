@@ -170,7 +170,7 @@ impl Node for LiveMesh {
 mod tests {
     use super::*;
     use crate::core::files::MemoryOutputs;
-    use crate::core::input::{Inbox, Inputs, NoInputs};
+    use crate::core::input::{Inbox, Inputs, MessageKind, NoInputs};
     use crate::core::standalone::Standalone;
     use std::collections::VecDeque;
     use std::sync::Mutex;
@@ -279,7 +279,7 @@ mod tests {
     struct Opened(Mutex<Vec<(String, usize)>>);
 
     impl Inputs for Opened {
-        fn open(&self, _: &str) -> Option<Box<dyn Inbox>> {
+        fn open(&self, _: &str, _: MessageKind, _: usize) -> Option<Box<dyn Inbox>> {
             None
         }
 

@@ -2,7 +2,7 @@
 
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
-use crate::core::input::{Inbox, Message};
+use crate::core::input::{Inbox, MAX_COUNT, Message, MessageKind};
 use crate::core::node::{Class, Node};
 use crate::core::params::{Params, Text};
 use crate::core::ports::Events;
@@ -37,13 +37,13 @@ ports! {
 /// Encodes a trigger.
 #[must_use]
 pub fn trigger_to_message(trigger: &Trigger) -> Option<Message> {
-    Message::new(&[trigger.gain.into(), trigger.index.into(), trigger.ratio.into()])
+    Message::new(MessageKind::Trigger, &[trigger.gain.into(), trigger.index.into(), trigger.ratio.into()])
 }
 
 /// Decodes a trigger; returns `None` for any other message.
 #[must_use]
 pub fn trigger_from_message(message: &Message) -> Option<Trigger> {
-    Trigger::from_numbers(message.numbers())
+    (message.kind() == MessageKind::Trigger).then(|| Trigger::from_numbers(message.numbers()))?
 }
 
 /// The node `LiveTriggers`.
@@ -63,7 +63,7 @@ impl Node for LiveTriggers {
     }
 
     fn build(p: &LiveTriggersParams, cx: &Build<'_>) -> Result<Self, Fault> {
-        Ok(Self { inbox: cx.inputs.open(&p.channel.0) })
+        Ok(Self { inbox: cx.inputs.open(&p.channel.0, MessageKind::Trigger, MAX_COUNT) })
     }
 
     fn run(&mut self, mut io: LiveTriggersIo<'_>) -> Result<(), Fault> {
@@ -91,7 +91,9 @@ mod tests {
     fn encoding_and_decoding_a_trigger_changes_nothing() {
         let trigger = Trigger { gain: 0.3, index: u32::MAX, ratio: 0.75 };
         assert_eq!(trigger_from_message(&trigger_to_message(&trigger).unwrap()), Some(trigger));
-        assert_eq!(trigger_from_message(&Message::new(&[0.25]).unwrap()), Some(Trigger::of(0.25)));
-        assert_eq!(trigger_from_message(&Message::new(&[1.0, 0.5]).unwrap()), None);
+        let read = |kind, numbers: &[f64]| trigger_from_message(&Message::new(kind, numbers).unwrap());
+        assert_eq!(read(MessageKind::Trigger, &[0.25]), Some(Trigger::of(0.25)));
+        assert_eq!(read(MessageKind::Trigger, &[1.0, 0.5]), None);
+        assert_eq!(read(MessageKind::Control, &[0.25]), None);
     }
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use super::animation_file::{Assets, Format, Span, gltf_selection, output_rate, read_gltf, reject};
 use super::{
-    FrameReader, FrameSampler, Materials, Mesh, MeshError, MeshFormat, MeshStream, ObjMesh, ReadOptions,
-    Topology, UpAxis, alembic, gltf, open_mdd, open_obj_sequence, open_pc2,
+    FrameReader, FrameSampler, Materials, Mesh, MeshClip, MeshError, MeshFormat, MeshStream, ObjMesh,
+    ReadOptions, Topology, UpAxis, alembic, gltf, open_mdd, open_obj_sequence, open_pc2, rate_difference,
 };
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
@@ -166,6 +166,28 @@ fn required_rate(p: &MeshSequenceParams, what: &str) -> Result<Rate, Reject> {
     })
 }
 
+/// Says how the times of a file and the rate of the stream differ.
+fn time_notes(format: Format, clip: &MeshClip, rate: Rate) -> Option<String> {
+    match (format, clip.times()) {
+        (Format::ObjSequence, _) => None,
+        // Its header counts in frames, whose rate is `fps`.
+        (Format::Pc2, [first, second, ..]) => {
+            let (fps, step) = (rate.as_f64(), (second - first) * rate.as_f64());
+            let (rounded, samples) = ((step * 1e3).round() / 1e3, (fps / step * 1e3).round() / 1e3);
+            ((step - 1.0).abs() > 1e-3).then(|| {
+                format!(
+                    "the header of the PC2 has a sample every {rounded} frames: at `fps: {fps}` these are {samples} samples a second, \
+                     and {} of them last {:.3} s; if {fps} is the rate of the samples themselves, set `fps: {}`",
+                    clip.frame_count(),
+                    clip.duration(),
+                    (fps * step * 1e3).round() / 1e3
+                )
+            })
+        }
+        _ => rate_difference(clip.file_times(), rate, "fps"),
+    }
+}
+
 /// Topology, materials and upward axis of a file, for a mesh whose motion has another source.
 pub(crate) fn rest_mesh<P>(
     p: &MeshSequenceParams,
@@ -204,6 +226,7 @@ impl Node for MeshSequence {
         }
         let times = clip.times();
         let rate = output_rate(times, p.fps, "fps")?;
+        time_notes(format, clip, rate).into_iter().for_each(|note| s.note(note));
         let items = Span { start: p.start, duration: p.duration }.items(times, rate)?;
         let (is_static, mut topology) = (times.len() == 1, clip.topology().clone());
         if is_static {

@@ -20,7 +20,7 @@ pub use crate::core::files::ReadSeek;
 pub(crate) use clip::to_metres;
 pub use clip::{
     FrameReader, FrameSampler, MAX_COORDINATE, MeshClip, MeshLimits, MeshStream, ReadOptions, UpAxis,
-    nominal_rate,
+    nominal_rate, rate_difference,
 };
 pub use error::MeshError;
 #[cfg(test)]

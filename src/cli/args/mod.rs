@@ -527,10 +527,10 @@ pub struct NewArgs {
 /// Files of the user that a new project is made of.
 #[derive(Clone, Debug, Default, ClapArgs)]
 pub struct OwnFiles {
-    /// Copy this animation into the project, as the cloth
+    /// Copy this animation into the project, as the cloth; or this shape, as the object of a material
     #[arg(long, value_name = "FILE")]
     pub mesh: Option<PathBuf>,
-    /// Copy these recordings into the project, as those of the cloth
+    /// Copy these recordings into the project: of the cloth, knocks on a material, grains, or what is put together anew
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub recordings: Vec<PathBuf>,
     /// Copy this image into the project, as the surface
@@ -554,6 +554,12 @@ pub enum Template {
     Impact,
     /// A bar to strike while it plays
     Live,
+    /// An object of a material that is fitted to recorded knocks
+    Material,
+    /// Recordings cut into grains, played by triggers or by the contacts of a log
+    Grains,
+    /// A recording put together anew
+    Numbers,
 }
 
 /// Arguments of `foley docs`.

@@ -193,6 +193,7 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
         lost_windows: 0,
         loud: false,
         noted: HashSet::new(),
+        silent: HashSet::new(),
         starved: false,
     };
     session.run_loop(&listening)

@@ -8,7 +8,7 @@ use crate::cli::run::{show, write_whole};
 use crate::diag::{Diagnostic, Sources};
 use crate::live::Histogram;
 use crate::live::device::Running;
-use crate::live::input::MeterReadings;
+use crate::live::input::{MeterReadings, Refusal};
 use foley_nodes::core::time::seconds;
 use foley_nodes::dsp::{Level, linear_to_db};
 use serde_json::json;
@@ -79,6 +79,26 @@ impl Session<'_> {
         Ok(())
     }
 
+    /// Numbers of messages that were delivered or refused.
+    fn messages(&self) -> serde_json::Value {
+        let mut all = serde_json::Map::new();
+        all.insert("delivered".to_owned(), self.hub.delivered.load(Relaxed).into());
+        let refused =
+            Refusal::ALL.map(|refusal| (refusal.key().to_owned(), self.hub.refusals.count(refusal).into()));
+        all.extend(refused);
+        all.into()
+    }
+
+    /// The same in a line; `None` if there were none.
+    fn message_line(&self) -> Option<String> {
+        let refused = Refusal::ALL.map(|refusal| (self.hub.refusals.count(refusal), refusal.words()));
+        let refused = refused.into_iter().filter(|(count, _)| *count > 0);
+        let refused: Vec<String> = refused.map(|(count, words)| format!("{count} {words}")).collect();
+        let delivered = self.hub.delivered.load(Relaxed);
+        let list = if refused.is_empty() { String::new() } else { format!("; {}", refused.join(", ")) };
+        (delivered > 0 || !refused.is_empty()).then(|| format!("messages: {delivered} delivered{list}"))
+    }
+
     fn nodes(&self) -> Vec<serde_json::Value> {
         let one = |n: crate::live::NodeMeter| {
             json!({
@@ -105,6 +125,8 @@ impl Session<'_> {
         let (meter, plan) = (&shared.meter, self.player.plan());
         let played =
             shared.window.load(Relaxed) as f64 * self.settings.device.quantum as f64 / plan.rate.as_f64();
+        let mut notes: Vec<_> = self.noted.iter().collect();
+        notes.sort();
         if let Some(path) = self.settings.report {
             let report = json!({
                 "played_s": played,
@@ -122,12 +144,10 @@ impl Session<'_> {
                 "not_finite": meter.not_finite.load(Relaxed),
                 "cut": meter.cut.load(Relaxed),
                 "reload_ms": self.delays,
-                "messages": {
-                    "delivered": self.hub.delivered.load(Relaxed),
-                    "malformed": self.hub.malformed.load(Relaxed),
-                    "unclaimed": self.hub.unclaimed.load(Relaxed),
-                    "too_early": self.hub.too_early.load(Relaxed),
-                },
+                "peak": meter.loudest(),
+                "beyond_full_scale": meter.over.load(Relaxed),
+                "messages": self.messages(),
+                "notes": notes.iter().map(|(node, text)| json!({"node": node, "message": text})).collect::<Vec<_>>(),
                 "nodes": self.nodes(),
             });
             write_whole(path, &format!("{report:#}\n"))?;
@@ -140,6 +160,18 @@ impl Session<'_> {
                 meter.missed.load(Relaxed),
                 meter.overruns.load(Relaxed)
             ))?;
+            let (peak, over) = (meter.loudest(), meter.over.load(Relaxed));
+            match over {
+                _ if peak == 0.0 => say("nothing was heard")?,
+                0 => say(&format!("peak {:.1} dB of full scale", linear_to_db(peak.into())))?,
+                over => {
+                    let advice = self.advice();
+                    say(&format!("{over} sample(s) beyond full scale: {advice}"))?;
+                }
+            }
+            if let Some(line) = self.message_line() {
+                say(&line)?;
+            }
         }
         Ok(exit)
     }

@@ -9,9 +9,10 @@ use crate::cli::watch::{SETTLE, no_events};
 use crate::diag::{Diagnostic, Sources};
 use crate::graph::{Override, Texts, message_source};
 use crate::live::device::{self, Device, Running};
-use crate::live::input::{Hub, Listener, MAX_SETS, Set};
+use crate::live::input::{Hub, Listener, MAX_SETS, Refusal, Set};
 use crate::live::{CEILING, LiveGraph, Player, PlayerEvent, Reloaded};
 use crate::memo::Memo;
+use crate::run::clipping_advice;
 use crate::watch::FileWatcher;
 use foley_nodes::core::time::seconds;
 use std::collections::HashSet;
@@ -71,6 +72,8 @@ pub(super) struct Session<'a> {
     pub(super) loud: bool,
     /// Notes of nodes that are reported.
     pub(super) noted: HashSet<(String, String)>,
+    /// Nodes of which it is reported why they give nothing, since the last load.
+    pub(super) silent: HashSet<(String, String)>,
     /// True if it is reported that windows are missed.
     pub(super) starved: bool,
 }
@@ -118,6 +121,7 @@ impl Session<'_> {
         let mut exit = Exit::Done;
         while !self.stop.load(Relaxed) && limit.is_none_or(|limit| start.elapsed() < limit) {
             self.hub.take_sets(TICK).into_iter().for_each(|set| self.queue(set));
+            self.report_messages();
             self.errors.flush();
             if let Some(watcher) = &mut self.watcher {
                 no_events(watcher);
@@ -166,9 +170,7 @@ impl Session<'_> {
         match self.waiting.iter().position(|(_, waits)| waits.target == new.target) {
             Some(k) => self.waiting[k].1 = new,
             None if self.waiting.len() < MAX_SETS => self.waiting.push((Instant::now(), new)),
-            None => {
-                self.hub.unclaimed.fetch_add(1, Relaxed);
-            }
+            None => self.hub.refusals.add(Refusal::Dropped),
         }
     }
 
@@ -209,6 +211,7 @@ impl Session<'_> {
         let wrong = set_by(&errors, &sources, &all);
         let (bad, rest): (Vec<_>, Vec<_>) =
             batch.into_iter().partition(|(_, set)| count == 1 || wrong.contains(&set.target));
+        bad.iter().for_each(|_| self.hub.refusals.add(Refusal::NotSet));
         if bad.is_empty() {
             self.one_by_one = true;
         } else {
@@ -255,6 +258,7 @@ impl Session<'_> {
             }
         });
         if result.is_ok() {
+            self.silent.clear();
             self.report_notes();
         }
         (result, sources)
@@ -295,6 +299,14 @@ impl Session<'_> {
             PlayerEvent::Renewed(id) => {
                 tell(format_args!("`{id}`: its output was not finite; it is reset, and reported once"));
             }
+            PlayerEvent::Silent(notes) => {
+                for (node, note) in notes {
+                    self.noted.insert((node.clone(), note.clone()));
+                    if self.silent.insert((node.clone(), note.clone())) && !self.settings.quiet {
+                        tell(format_args!("note: {node}: {note}"));
+                    }
+                }
+            }
             PlayerEvent::Failed(fault) => {
                 let sources = self.player.graph().map(|g| g.sources.clone()).unwrap_or_default();
                 show(&[*fault], &sources);
@@ -302,6 +314,12 @@ impl Session<'_> {
             }
         }
         Ok(true)
+    }
+
+    /// Reports the first message of each mistake.
+    fn report_messages(&self) {
+        let texts = self.hub.refusals.take_texts();
+        texts.iter().filter(|_| !self.settings.quiet).for_each(|text| tell(format_args!("message: {text}")));
     }
 
     /// Reports errors that persist.
@@ -339,14 +357,24 @@ impl Session<'_> {
         let (ceiling, what) = if card { (1.0, "full scale") } else { (CEILING, "120 dB over full scale") };
         if !self.loud && (meter.loudest() > ceiling || meter.cut.load(Relaxed) > 0) {
             self.loud = true;
-            tell(format_args!("the sound is louder than {what}, and is cut there: lower the level"));
+            tell(format_args!("the sound is louder than {what}, and is cut there: {}", self.advice()));
         }
+    }
+
+    /// Says how to lower the sound that was played.
+    pub(super) fn advice(&self) -> String {
+        let shared = self.player.shared();
+        let samples = shared.window.load(Relaxed) * self.settings.device.quantum as u64;
+        let sound = shared.meter.loudness(samples * self.player.plan().channels as u64);
+        let graph = self.player.graph();
+        let sink = graph.and_then(|graph| graph.nodes.iter().position(|node| node.ty.name == "WavOut"));
+        graph.zip(sink).map_or_else(String::new, |(graph, sink)| clipping_advice(graph, sink, sound))
     }
 
     /// Prints the notes of the nodes that are new, such as that a recording ends early.
     fn report_notes(&mut self) {
         for (node, note) in self.player.notes() {
-            if !self.settings.quiet && self.noted.insert((node.clone(), note.clone())) {
+            if self.noted.insert((node.clone(), note.clone())) && !self.settings.quiet {
                 tell(format_args!("note: {node}: {note}"));
             }
         }

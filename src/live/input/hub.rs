@@ -1,9 +1,11 @@
 //! Delivers messages to the nodes that wait for them.
 
 use super::meters::Meters;
+use super::refusals::{Refusal, Refusals};
+use crate::graph::nearest;
 use crate::live::playback::callback::Shared;
 use crate::live::playback::timing::window_start;
-use foley_nodes::core::input::{Display, Frames, Inbox, Inputs, Message};
+use foley_nodes::core::input::{Display, Frames, Inbox, Inputs, Message, MessageKind};
 use foley_nodes::core::time::{Rate, Tick, ticks};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::HashMap;
@@ -35,8 +37,18 @@ pub struct Set {
 
 /// Messages to a node: those that are due, and those that are ahead.
 struct MessageSender {
+    kind: MessageKind,
+    /// Numbers of a message that the node reads.
+    numbers: usize,
     due: QueueSender,
     ahead: QueueSender,
+}
+
+impl MessageSender {
+    /// Returns true while its node exists.
+    fn is_open(&self) -> bool {
+        !self.due.ring.is_abandoned()
+    }
 }
 
 /// One queue of messages, with the number that are unread.
@@ -99,12 +111,8 @@ pub struct Hub {
     set: Condvar,
     /// Messages delivered to a node.
     pub delivered: AtomicU64,
-    /// Messages more than [`MAX_AHEAD`] ahead.
-    pub too_early: AtomicU64,
-    /// Packets and lines that cannot be parsed.
-    pub malformed: AtomicU64,
-    /// Messages without a node that waits for them, or with a full queue.
-    pub unclaimed: AtomicU64,
+    /// Messages that are not.
+    pub refusals: Refusals,
 }
 
 impl Hub {
@@ -146,7 +154,7 @@ impl Hub {
 
     /// Delivers a frame to the nodes of a channel; returns false if no node waits for frames of this size.
     ///
-    /// A frame that is not later than the one before, or finds all queues full, is counted as unclaimed.
+    /// A frame that is not later than the one before, or finds all queues full, is dropped.
     pub fn deliver_frame(&self, channel: &str, at: Tick, numbers: &[f32]) -> bool {
         let mut frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
         let (mut fits, mut taken) = (false, false);
@@ -164,7 +172,11 @@ impl Hub {
                 sender.last = at;
             }
         }
-        if taken { &self.delivered } else { &self.unclaimed }.fetch_add(1, Relaxed);
+        if taken {
+            self.delivered.fetch_add(1, Relaxed);
+        } else {
+            self.refusals.add(if fits { Refusal::Dropped } else { Refusal::Unclaimed });
+        }
         fits
     }
 
@@ -176,7 +188,8 @@ impl Hub {
 
     /// Delivers a message to the nodes of a channel, to be read `wait` from now.
     ///
-    /// A message more than [`MAX_AHEAD`] ahead is counted as too early, and one that finds all queues full as unclaimed.
+    /// A message more than [`MAX_AHEAD`] ahead is refused, as is one that no node reads, one of another kind than the node reads, and one
+    /// that finds all queues full.
     pub fn deliver(&self, channel: &str, message: Message, wait: Duration) {
         let now = self.now();
         let wait = wait.min(2 * MAX_AHEAD).as_secs_f64();
@@ -192,28 +205,73 @@ impl Hub {
 
     fn queue(&self, channel: &str, message: Message, now: Tick, at: Tick) {
         let ahead = at.saturating_sub(now);
+        let kind = message.kind().word();
         if ahead > ticks(MAX_AHEAD.as_secs_f64()) {
-            self.too_early.fetch_add(1, Relaxed);
+            let most = MAX_AHEAD.as_secs();
+            self.refusals.refuse(Refusal::TooEarly, || {
+                format!("{kind} for {channel:?}: it is more than {most} s ahead of the graph that plays")
+            });
             return;
         }
         let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut taken = false;
-        for sender in messages.get_mut(channel).into_iter().flatten() {
-            let queue = if ahead > ticks(DUE) { &mut sender.ahead } else { &mut sender.due };
-            taken |= queue.push((at, message));
+        let (mut read, mut taken) = (None, false);
+        for sender in messages.get_mut(channel).into_iter().flatten().filter(|sender| sender.is_open()) {
+            read = read.filter(|read| *read == message.kind()).or(Some(sender.kind));
+            if sender.kind == message.kind() {
+                let queue = if ahead > ticks(DUE) { &mut sender.ahead } else { &mut sender.due };
+                taken |= queue.push((at, message));
+                let (found, wanted) = (message.numbers().len(), sender.numbers);
+                if found > wanted {
+                    self.refusals.note(|| {
+                        format!("{kind} for {channel:?}: its node reads {wanted} of the {found} numbers")
+                    });
+                }
+            }
         }
-        if taken { &self.delivered } else { &self.unclaimed }.fetch_add(1, Relaxed);
+        drop(messages);
+        match read {
+            _ if taken => drop(self.delivered.fetch_add(1, Relaxed)),
+            None => self.refusals.refuse(Refusal::Unclaimed, || {
+                let channels = self.channels();
+                let near = nearest(channel, channels.iter().map(|(name, _)| name.as_str()));
+                let near = near.map(|near| format!("did you mean {near:?}? ")).unwrap_or_default();
+                let list: Vec<_> = channels.iter().map(|(name, kind)| format!("{name:?} ({kind})")).collect();
+                let list = if list.is_empty() { "none".to_owned() } else { list.join(", ") };
+                format!("{kind} for {channel:?}: no node reads this channel; {near}the graph has {list}")
+            }),
+            Some(read) if read != message.kind() => self.refusals.refuse(Refusal::WrongKind, || {
+                format!("{kind} for {channel:?}: the node of this channel reads the kind `{}`", read.word())
+            }),
+            Some(_) => self.refusals.refuse(Refusal::Dropped, || {
+                format!("{kind} for {channel:?}: {MAX_MESSAGES} messages wait already")
+            }),
+        }
     }
 
-    /// Queues a parameter to set. The newest value of each target counts; a target beyond 256 that wait is counted as
-    /// unclaimed.
+    /// Returns the channels that nodes read, each with its kind, in the order of their names.
+    pub fn channels(&self) -> Vec<(String, &'static str)> {
+        let messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
+        let open = messages.iter().flat_map(|(name, senders)| {
+            let open = senders.iter().filter(|sender| sender.is_open());
+            open.map(|sender| (name.clone(), sender.kind.word()))
+        });
+        let mut all: Vec<_> = open.collect();
+        drop(messages);
+        all.extend(self.frame_channels().into_iter().map(|(name, _)| (name, "mesh")));
+        all.sort();
+        all.dedup();
+        all
+    }
+
+    /// Queues a parameter to set. The newest value of each target counts; a target beyond 256 that wait is dropped.
     pub fn set(&self, target: String, value: String) {
         let mut sets = self.sets.lock().unwrap_or_else(PoisonError::into_inner);
         match sets.iter().position(|set| set.target == target) {
             Some(k) => sets[k].value = value,
             None if sets.len() < MAX_SETS => sets.push(Set { target, value }),
             None => {
-                self.unclaimed.fetch_add(1, Relaxed);
+                self.refusals
+                    .refuse(Refusal::Dropped, || format!("{MAX_SETS} parameters wait to be set already"));
                 return;
             }
         }
@@ -229,20 +287,15 @@ impl Hub {
         }
         std::mem::take(&mut *sets)
     }
-
-    /// Counts a message that cannot be parsed.
-    pub fn reject(&self) {
-        self.malformed.fetch_add(1, Relaxed);
-    }
 }
 
 impl Inputs for Hub {
-    fn open(&self, channel: &str) -> Option<Box<dyn Inbox>> {
+    fn open(&self, channel: &str, kind: MessageKind, numbers: usize) -> Option<Box<dyn Inbox>> {
         let ((due, due_receiver), (ahead, ahead_receiver)) = (queue(), queue());
         let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
         let messages = messages.entry(channel.to_owned()).or_default();
-        messages.retain(|sender| !sender.due.ring.is_abandoned());
-        messages.push(MessageSender { due, ahead });
+        messages.retain(MessageSender::is_open);
+        messages.push(MessageSender { kind, numbers, due, ahead });
         Some(Box::new(MessageReceiver {
             due: due_receiver,
             ahead: ahead_receiver,

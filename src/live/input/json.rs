@@ -2,6 +2,7 @@
 
 use super::hub::{Hub, MAX_AHEAD};
 use super::log_clock::{LogClock, MAX_LOG};
+use super::refusals::Refusal;
 use foley_nodes::core::input::Message;
 use foley_nodes::core::time::Tick;
 use foley_nodes::dsp::Trigger;
@@ -192,7 +193,7 @@ pub fn read_lines(mut from: impl BufRead, hub: &Hub, mut report: impl FnMut(u64,
             if text.is_empty() { Ok(()) } else { read_line(text, hub, &mut log) }
         };
         if let Err(message) = result {
-            hub.reject();
+            hub.refusals.add(Refusal::Malformed);
             report(number, &message);
         }
     }
@@ -202,7 +203,7 @@ pub fn read_lines(mut from: impl BufRead, hub: &Hub, mut report: impl FnMut(u64,
 mod tests {
     use super::*;
     use crate::live::checks::{check_lines, seeds};
-    use foley_nodes::core::input::Inputs;
+    use foley_nodes::core::input::{Inputs, MessageKind};
     use foley_nodes::core::random::Rng;
     use foley_nodes::live_input::{impact_from_message, trigger_from_message};
     use std::sync::atomic::Ordering::Relaxed;
@@ -210,7 +211,10 @@ mod tests {
     #[test]
     fn each_kind_of_line_arrives() {
         let hub = Hub::new();
-        let (mut hits, mut numbers) = (hub.open("hits").unwrap(), hub.open("pos").unwrap());
+        let (mut hits, mut numbers) = (
+            hub.open("hits", MessageKind::Impact, 24).unwrap(),
+            hub.open("pos", MessageKind::Control, 24).unwrap(),
+        );
         let lines = "{\"impact\": \"hits\", \"velocity\": 2, \"mass\": 0.5}\n\n\
             {\"control\": \"pos\", \"values\": [1, 2.5, -3]}\n{\"set\": \"level\", \"value\": 0.5}\n{\"oops\": 1}\n";
         let mut wrong = Vec::new();
@@ -223,13 +227,13 @@ mod tests {
             super::super::Set { target: "level".into(), value: "0.5".into() }
         );
         assert_eq!(wrong, ["5: one of `impact`, `contact`, `trigger`, `control` and `set` is needed"]);
-        assert_eq!((hub.delivered.load(Relaxed), hub.malformed.load(Relaxed)), (3, 1));
+        assert_eq!((hub.delivered.load(Relaxed), hub.refusals.count(Refusal::Malformed)), (3, 1));
     }
 
     #[test]
     fn triggers_arrive_with_what_they_name_or_are_refused_with_a_reason() {
         let hub = Hub::new();
-        let mut inbox = hub.open("taps").unwrap();
+        let mut inbox = hub.open("taps", MessageKind::Trigger, 24).unwrap();
         let mut log = LogClock::default();
         let mut read = |keys: &str| read_line(&format!("{{\"trigger\": \"taps\"{keys}}}"), &hub, &mut log);
         read("").unwrap();
@@ -251,7 +255,7 @@ mod tests {
     #[test]
     fn contacts_arrive_alone_or_as_a_whole_frame() {
         let hub = Hub::new();
-        let mut inbox = hub.open("ball").unwrap();
+        let mut inbox = hub.open("ball", MessageKind::Contact, 24).unwrap();
         let mut log = LogClock::default();
         let one = "\"id\": 1, \"a\": 0, \"b\": 1, \"point\": [0,0,0], \"normal\": [0,0,1], \"force\": 2, \"velocity\": [1,0,0]";
         read_line(&format!("{{\"contact\": \"ball\", {one}}}"), &hub, &mut log).unwrap();
@@ -283,7 +287,7 @@ mod tests {
         let mut wrong = Vec::new();
         read_lines(lines.as_bytes(), &hub, |line, message| wrong.push(format!("{line}: {message}")));
         assert_eq!(wrong, ["2: a line has at most 65535 bytes; this one is ignored"]);
-        assert_eq!((hub.delivered.load(Relaxed), hub.malformed.load(Relaxed)), (2, 1));
+        assert_eq!((hub.delivered.load(Relaxed), hub.refusals.count(Refusal::Malformed)), (2, 1));
     }
 
     #[test]

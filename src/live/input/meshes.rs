@@ -15,6 +15,7 @@
 
 use super::hub::{Hub, Moment};
 use super::listener::Listener;
+use super::refusals::Refusal;
 use foley_nodes::core::time::{Tick, seconds, ticks};
 use foley_nodes::mesh::MAX_COORDINATE;
 use std::io::{ErrorKind, Read};
@@ -286,11 +287,11 @@ fn read_active(from: impl Read, hub: &Hub, stop: &AtomicBool, activity: &Activit
     let mut bytes = Bytes { from, stop, activity, until: Some(Instant::now() + HEADER_TIMEOUT) };
     deliver_frames(&mut bytes, hub).map_err(|refused| match refused {
         Refused::Malformed(message) => {
-            hub.reject();
+            hub.refusals.add(Refusal::Malformed);
             message
         }
         Refused::Unclaimed(message) => {
-            hub.unclaimed.fetch_add(1, Relaxed);
+            hub.refusals.add(Refusal::Unclaimed);
             message
         }
     })
@@ -319,7 +320,7 @@ pub fn listen_to_meshes(
                 };
                 senders.retain(|(sender, _)| !sender.is_finished());
                 if senders.len() >= MAX_CONNECTIONS && !make_place(&mut senders, SILENCE) {
-                    hub.reject();
+                    hub.refusals.add(Refusal::Malformed);
                     report(&format!(
                         "mesh from {from}: {MAX_CONNECTIONS} others are connected, and no more are accepted"
                     ));

@@ -7,6 +7,7 @@ mod log_clock;
 mod meshes;
 mod meters;
 mod osc;
+mod refusals;
 
 pub use hub::{Hub, MAX_AHEAD, MAX_SETS, Moment, Set};
 pub use json::{read_line, read_lines};
@@ -14,3 +15,4 @@ pub use listener::Listener;
 pub use meshes::{MAGIC, VERSION, listen_to_meshes, read_frames};
 pub use meters::{MeterReadings, Meters};
 pub use osc::{listen_to_osc, read_packet};
+pub use refusals::{Refusal, Refusals};

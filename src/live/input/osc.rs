@@ -12,6 +12,8 @@
 
 use super::hub::Hub;
 use super::listener::Listener;
+use super::refusals::Refusal;
+use foley_nodes::core::input::MessageKind;
 use foley_nodes::dsp::Trigger;
 use foley_nodes::live_input::{
     ContactMessage, contact_to_message, control_to_message, impact_to_message, trigger_to_message,
@@ -27,6 +29,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 const EPOCH: f64 = 2_208_988_800.0;
 /// Maximum depth of nested bundles.
 const MAX_DEPTH: usize = 8;
+/// Bytes of the beginning of a packet that a message shows.
+const MAX_SHOWN: usize = 60;
 
 /// Time from now to a time tag.
 fn wait(time: OscTime, now: f64) -> Duration {
@@ -82,25 +86,66 @@ fn impact(numbers: &[f64]) -> Option<Impact> {
     impact.is_valid().then_some(impact)
 }
 
-/// Delivers a message; `None` if it is malformed.
-fn deliver_message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Option<()> {
-    let path = message.addr.strip_prefix("/foley/")?;
-    let (kind, name) = path.split_once('/')?;
-    if name.is_empty() {
-        return None;
-    }
-    let numbers = || message.args.iter().map(number).collect::<Option<Vec<f64>>>();
+/// What the arguments of a message have to be.
+fn wanted(kind: MessageKind) -> &'static str {
     match kind {
-        "impact" => hub.deliver(name, impact_to_message(&impact(&numbers()?)?)?, wait),
-        "contact" => {
-            hub.deliver(name, contact_to_message(&ContactMessage::from_numbers(&numbers()?)?)?, wait)
+        MessageKind::Impact => {
+            "an energy in J from 0 to 1e9, then optionally hardness, object, point, x, y, z"
         }
-        "trigger" => hub.deliver(name, trigger_to_message(&Trigger::from_numbers(&numbers()?)?)?, wait),
-        "control" => hub.deliver(name, control_to_message(&numbers()?)?, wait),
-        "set" => hub.set(name.replace('/', "."), ron(message.args.first()?)?),
-        _ => return None,
+        MessageKind::Contact => {
+            "id, a, b, point (3), normal (3), force, velocity (3), then optionally approach, mass, travel (3), step, depth; or an id alone"
+        }
+        MessageKind::Trigger => "a gain, then optionally an index from 0 on and a ratio from 0.0625 to 16",
+        MessageKind::Control => "1 to 16 numbers",
     }
-    Some(())
+}
+
+/// Delivers a message.
+///
+/// # Errors
+/// A text with what was found and what is needed, if it is malformed.
+fn deliver_message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Result<(), String> {
+    let address = &message.addr;
+    let parts = address.strip_prefix("/foley/").and_then(|path| path.split_once('/'));
+    let (kind, name) = parts.filter(|(_, name)| !name.is_empty()).unwrap_or_default();
+    if kind == "set" {
+        let value = message.args.first().and_then(ron);
+        let value = value.ok_or_else(|| format!("{address:?}: a number, a text or a Boolean is needed"))?;
+        hub.set(name.replace('/', "."), value);
+        return Ok(());
+    }
+    let Some(kind) = MessageKind::ALL.into_iter().find(|known| known.word() == kind) else {
+        let kinds = MessageKind::ALL.map(MessageKind::word).join(", ");
+        return Err(format!(
+            "{address:?}: there is no such address; addresses are /foley/KIND/CHANNEL with a kind of {kinds}, and /foley/set/NAME"
+        ));
+    };
+    let mut numbers = Vec::with_capacity(message.args.len());
+    for (k, argument) in message.args.iter().enumerate() {
+        let found = match argument {
+            OscType::String(text) => format!("{text:?}"),
+            _ => "of another type".to_owned(),
+        };
+        let needed = || format!("{address:?}: argument {} is {found}; a number is needed", k + 1);
+        numbers.push(number(argument).ok_or_else(needed)?);
+    }
+    let encoded = match kind {
+        MessageKind::Impact => impact(&numbers).and_then(|impact| impact_to_message(&impact)),
+        MessageKind::Contact => {
+            ContactMessage::from_numbers(&numbers).and_then(|contact| contact_to_message(&contact))
+        }
+        MessageKind::Trigger => {
+            Trigger::from_numbers(&numbers).and_then(|trigger| trigger_to_message(&trigger))
+        }
+        MessageKind::Control => Some(&numbers).filter(|n| !n.is_empty()).and_then(|n| control_to_message(n)),
+    };
+    let found = || {
+        let found: Vec<_> = numbers.iter().map(ToString::to_string).collect();
+        let found = if found.is_empty() { "no argument".to_owned() } else { found.join(", ") };
+        format!("{address:?}: {found}; needed: {}", wanted(kind))
+    };
+    hub.deliver(name, encoded.ok_or_else(found)?, wait);
+    Ok(())
 }
 
 /// Time tag and elements of a bundle; `None` if the packet is no bundle.
@@ -121,16 +166,31 @@ fn element(elements: &[u8]) -> Option<(&[u8], &[u8])> {
 /// Decodes a message, whose size is a multiple of 4.
 ///
 /// Arrays are refused before they are decoded: no message has one, and to free them takes stack for each level.
-fn message(packet: &[u8]) -> Option<rosc::OscMessage> {
-    let end = packet.iter().position(|byte| *byte == 0)?;
-    let tags = packet.get(end / 4 * 4 + 4..)?.split(|byte| *byte == 0).next()?;
-    if packet.first() != Some(&b'/') || tags.contains(&b'[') {
-        return None;
+///
+/// # Errors
+/// A text with what was found.
+fn message(packet: &[u8]) -> Result<rosc::OscMessage, String> {
+    let address = packet.split(|byte| *byte == 0).next().unwrap_or_default();
+    let tags = packet.get(address.len() / 4 * 4 + 4..).and_then(|rest| rest.split(|byte| *byte == 0).next());
+    let begin = String::from_utf8_lossy(&address[..address.len().min(MAX_SHOWN)]);
+    match tags {
+        _ if address.first() != Some(&b'/') => {
+            Err(format!("a packet is no OSC message: it begins with {begin:?}"))
+        }
+        Some(tags) if tags.contains(&b'[') => {
+            Err(format!("{begin:?}: an argument is a list; none is needed"))
+        }
+        _ => match rosc::decoder::decode_udp(packet) {
+            Ok((_, OscPacket::Message(message))) => Ok(message),
+            Ok((_, OscPacket::Bundle(_))) | Err(_) => {
+                Err(format!("{begin:?}: the arguments of the packet cannot be read"))
+            }
+        },
     }
-    match rosc::decoder::decode_udp(packet) {
-        Ok((_, OscPacket::Message(message))) => Some(message),
-        Ok((_, OscPacket::Bundle(_))) | Err(_) => None,
-    }
+}
+
+fn refuse(hub: &Hub, text: impl FnOnce() -> String) {
+    hub.refusals.refuse(Refusal::Malformed, || format!("OSC: {}", text()));
 }
 
 /// Reads one packet; malformed ones are counted, as are bundles deeper than 8 and messages in a bundle.
@@ -145,11 +205,13 @@ pub fn read_packet(bytes: &[u8], hub: &Hub) {
         if let Some((packet, time)) = next.take() {
             match bundle(packet) {
                 Some((tag, elements)) if open.len() < MAX_DEPTH => open.push((elements, wait(tag, now))),
-                Some(_) => hub.reject(),
-                None if message(packet).and_then(|m| deliver_message(&m, time, hub)).is_none() => {
-                    hub.reject()
+                Some(_) => {
+                    refuse(hub, || format!("bundles are inside each other more than {MAX_DEPTH} times"))
                 }
-                None => {}
+                None => {
+                    let delivered = message(packet).and_then(|m| deliver_message(&m, time, hub));
+                    delivered.unwrap_or_else(|text| refuse(hub, || text));
+                }
             }
         }
         let Some((elements, time)) = open.last_mut() else { return };
@@ -160,7 +222,7 @@ pub fn read_packet(bytes: &[u8], hub: &Hub) {
             }
             None => {
                 if !elements.is_empty() {
-                    hub.reject();
+                    refuse(hub, || "an element of a bundle has a wrong size".to_owned());
                 }
                 open.pop();
             }
@@ -203,7 +265,10 @@ mod tests {
     #[test]
     fn each_kind_of_message_arrives() {
         let hub = Hub::new();
-        let (mut hits, mut numbers) = (hub.open("hits").unwrap(), hub.open("a/b").unwrap());
+        let (mut hits, mut numbers) = (
+            hub.open("hits", MessageKind::Impact, 24).unwrap(),
+            hub.open("a/b", MessageKind::Control, 24).unwrap(),
+        );
         read_packet(
             &bytes("/foley/impact/hits", vec![OscType::Float(0.5), OscType::Float(0.1), OscType::Int(2)]),
             &hub,
@@ -220,13 +285,13 @@ mod tests {
             hub.take_sets(Duration::ZERO)[0],
             super::super::Set { target: "bell.gain".into(), value: "0.25".into() }
         );
-        assert_eq!(hub.malformed.load(Relaxed), 4);
+        assert_eq!(hub.refusals.count(Refusal::Malformed), 4);
     }
 
     #[test]
     fn triggers_arrive_with_their_index_and_ratio_or_are_counted_as_malformed() {
         let hub = Hub::new();
-        let mut inbox = hub.open("taps").unwrap();
+        let mut inbox = hub.open("taps", MessageKind::Trigger, 24).unwrap();
         let send = |args: Vec<OscType>| read_packet(&bytes("/foley/trigger/taps", args), &hub);
         send(vec![OscType::Float(0.5)]);
         send(vec![OscType::Float(0.5), OscType::Int(3), OscType::Float(2.0)]);
@@ -238,13 +303,13 @@ mod tests {
             .map(|(_, message)| trigger_from_message(&message).unwrap())
             .collect();
         assert_eq!(triggers, [Trigger::of(0.5), Trigger { gain: 0.5, index: 3, ratio: 2.0 }]);
-        assert_eq!(hub.malformed.load(Relaxed), 4);
+        assert_eq!(hub.refusals.count(Refusal::Malformed), 4);
     }
 
     #[test]
     fn a_bundle_delivers_all_contacts_of_a_frame() {
         let hub = Hub::new();
-        let mut inbox = hub.open("ball").unwrap();
+        let mut inbox = hub.open("ball", MessageKind::Contact, 24).unwrap();
         let contact = |id: i32| {
             let numbers = [0.5_f32, 0.0, 0.0, 0.0, 0.0, 1.0, 9.5, 0.3, 0.0, -0.1];
             let mut args = vec![OscType::Int(id), OscType::Int(0), OscType::Int(1)];
@@ -261,13 +326,13 @@ mod tests {
             .collect();
         assert_eq!(ids.len(), 41);
         assert_eq!((ids[39], ids[40]), ((39, false), (7, true)));
-        assert_eq!(hub.malformed.load(Relaxed), 0);
+        assert_eq!(hub.refusals.count(Refusal::Malformed), 0);
     }
 
     #[test]
     fn the_messages_of_a_bundle_have_its_time() {
         let hub = Hub::new();
-        let mut inbox = hub.open("c").unwrap();
+        let mut inbox = hub.open("c", MessageKind::Control, 24).unwrap();
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() + EPOCH + 0.5;
         let timetag = OscTime { seconds: now as u32, fractional: (now.fract() * 4_294_967_296.0) as u32 };
         let inner = OscMessage { addr: "/foley/control/c".into(), args: vec![OscType::Float(1.0)] };
@@ -291,16 +356,16 @@ mod tests {
     #[test]
     fn bundles_inside_each_other_are_refused_before_they_are_decoded() {
         let hub = Hub::new();
-        let mut inbox = hub.open("x").unwrap();
+        let mut inbox = hub.open("x", MessageKind::Control, 24).unwrap();
         let message = bytes("/foley/control/x", vec![OscType::Float(4.0)]);
         // 3,276 levels are all that a packet has room for.
         for (depth, read) in [(0, 1), (1, 1), (8, 1), (9, 0), (2200, 0), (3276, 0)] {
-            let before = hub.malformed.load(Relaxed);
+            let before = hub.refusals.count(Refusal::Malformed);
             let packet = if depth == 3276 { nested(&[], depth) } else { nested(&message, depth) };
             assert!(packet.len() <= 65_535);
             read_packet(&packet, &hub);
             assert_eq!(std::iter::from_fn(|| inbox.next(1)).count(), read, "{depth}");
-            assert_eq!(hub.malformed.load(Relaxed) - before, 1 - read as u64, "{depth}");
+            assert_eq!(hub.refusals.count(Refusal::Malformed) - before, 1 - read as u64, "{depth}");
         }
     }
 
@@ -312,13 +377,13 @@ mod tests {
         packet.extend([b']'; 32_000]);
         packet.extend([0; 3]);
         std::thread::scope(|scope| drop(scope.spawn(|| read_packet(&packet, &hub))));
-        assert_eq!(hub.malformed.load(Relaxed), 1);
+        assert_eq!(hub.refusals.count(Refusal::Malformed), 1);
     }
 
     #[test]
     fn a_malformed_element_of_a_bundle_does_not_hide_the_next() {
         let hub = Hub::new();
-        let mut inbox = hub.open("x").unwrap();
+        let mut inbox = hub.open("x", MessageKind::Control, 24).unwrap();
         let message = bytes("/foley/control/x", vec![OscType::Float(4.0)]);
         let mut packet = b"#bundle\0\0\0\0\0\0\0\0\x01".to_vec();
         for element in [&message[..], b"oops", &message[..]] {
@@ -328,7 +393,7 @@ mod tests {
         packet.extend([0, 0, 0, 9]);
         read_packet(&packet, &hub);
         assert_eq!(std::iter::from_fn(|| inbox.next(1)).count(), 2);
-        assert_eq!(hub.malformed.load(Relaxed), 2);
+        assert_eq!(hub.refusals.count(Refusal::Malformed), 2);
     }
 
     #[test]
@@ -357,7 +422,7 @@ mod tests {
     #[test]
     fn packets_arrive_over_the_network() {
         let hub = Arc::new(Hub::new());
-        let mut inbox = hub.open("x").unwrap();
+        let mut inbox = hub.open("x", MessageKind::Control, 24).unwrap();
         let listening = listen_to_osc("127.0.0.1:0".parse().unwrap(), Arc::clone(&hub)).unwrap();
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.send_to(&bytes("/foley/control/x", vec![OscType::Float(4.0)]), listening.at).unwrap();

@@ -7,7 +7,7 @@ use super::window_ring::RingReceiver;
 use foley_nodes::core::fault::Fault;
 use foley_nodes::core::node::{DynNode, Retune};
 use foley_nodes::core::params::AnyParams;
-use foley_nodes::core::stage::{NodeTime, Stage};
+use foley_nodes::core::stage::{NodeTime, Stage, Survey};
 use foley_nodes::core::time::Rate;
 use rtrb::{Consumer, Producer};
 use std::sync::Arc;
@@ -79,6 +79,18 @@ pub enum Command {
     Retune(Retunes),
     /// Replaces the node with this index by a new one of its type and parameters.
     Renew(usize, Box<dyn DynNode>),
+    /// Returns what the nodes have done.
+    Survey(Box<RegionSurvey>),
+}
+
+/// A survey of the nodes of a region.
+pub struct RegionSurvey {
+    /// Number of the graph that plays: nodes of different graphs are not comparable.
+    pub graph: u64,
+    /// The region; `None` for that of the callback.
+    pub region: Option<usize>,
+    /// What its nodes have done.
+    pub survey: Survey,
 }
 
 /// A message from the callback; it returns all memory that is to be freed.
@@ -89,6 +101,8 @@ pub enum Reply {
     Retuned(Retunes),
     /// The node that was replaced.
     Renewed(Box<dyn DynNode>),
+    /// What the nodes have done.
+    Surveyed(Box<RegionSurvey>),
     /// The output of the node with this index is not finite, and silenced.
     NotFinite(usize),
     /// The fault of the node with this index.
@@ -242,7 +256,7 @@ impl Callback {
     fn mix_outputs(&mut self) {
         let (block, channels) = (&mut self.block, self.channels);
         for_each_output(&mut self.current, |output| output.add_to(block, channels));
-        let (mut peak, mut not_finite, mut cut) = (0.0_f32, 0, 0);
+        let (mut peak, mut not_finite, mut cut, mut over) = (0.0_f32, 0, 0, 0);
         for x in &mut self.block {
             if !x.is_finite() {
                 *x = 0.0;
@@ -253,8 +267,9 @@ impl Callback {
                 cut += 1;
             }
             peak = peak.max(x.abs());
+            over += u64::from(x.abs() > 1.0);
         }
-        self.shared.meter.note_peak(peak);
+        self.shared.meter.note_level(self.window, peak, over);
         if cut > 0 {
             self.shared.meter.cut.fetch_add(cut, Relaxed);
         }
@@ -288,6 +303,10 @@ impl Callback {
                 Ok(Command::Renew(index, node)) => {
                     let old = self.current.stage.replace(index, node);
                     let _ = self.replies.push(Reply::Renewed(old));
+                }
+                Ok(Command::Survey(mut survey)) => {
+                    self.current.stage.survey(&mut survey.survey);
+                    let _ = self.replies.push(Reply::Surveyed(survey));
                 }
                 Err(_) => return,
             }

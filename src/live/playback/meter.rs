@@ -1,5 +1,6 @@
 //! Histograms of call times, and counters, without locks.
 
+use crate::run::Loudness;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
@@ -102,6 +103,10 @@ pub struct Meter {
     pub not_finite: AtomicU64,
     /// Samples that exceeded the ceiling of a device and were cut to it.
     pub cut: AtomicU64,
+    /// Samples beyond full scale.
+    pub over: AtomicU64,
+    /// Windows up to the last one that was not silent.
+    pub last_sound: AtomicU64,
     /// Peak magnitude since the last reading, as bits.
     pub peak: AtomicU32,
     /// Peak magnitude since the start, as bits.
@@ -112,6 +117,12 @@ impl Meter {
     /// Takes the peak magnitude since the last reading.
     pub fn take_peak(&self) -> f32 {
         f32::from_bits(self.peak.swap(0, Relaxed))
+    }
+
+    /// Returns the level of all samples that were played, of which there are so many.
+    pub fn loudness(&self, samples: u64) -> Loudness {
+        let over = self.over.load(Relaxed) as f64 / samples.max(1) as f64;
+        Loudness { peak: self.loudest().into(), over }
     }
 
     /// Returns the peak magnitude since the start.
@@ -132,7 +143,14 @@ impl Meter {
         }
     }
 
-    pub(super) fn note_peak(&self, peak: f32) {
+    /// Records the peak magnitude of a window, and its samples beyond full scale.
+    pub(super) fn note_level(&self, window: u64, peak: f32, over: u64) {
+        if peak > 0.0 {
+            self.last_sound.store(window + 1, Relaxed);
+        }
+        if over > 0 {
+            self.over.fetch_add(over, Relaxed);
+        }
         // The bits of non-negative floats are in the order of the floats.
         self.peak.fetch_max(peak.to_bits(), Relaxed);
         self.loudest.fetch_max(peak.to_bits(), Relaxed);

@@ -3,7 +3,7 @@
 //! The callback cannot wake a thread without a system call. A worker therefore sleeps for a part of the time by which it is
 //! ahead; only commands wake it earlier.
 
-use super::callback::{REPORT_INTERVAL, Shared};
+use super::callback::{REPORT_INTERVAL, RegionSurvey, Shared};
 use super::meter::Histogram;
 use super::timing::WindowTiming;
 use super::window_ring::RingSender;
@@ -108,6 +108,7 @@ enum Command {
     Halt(Sender<Vec<WorkerRegion>>),
     Retune(usize, usize, Box<dyn AnyParams>),
     Renew(usize, usize, Box<dyn DynNode>),
+    Survey(Box<RegionSurvey>),
     Quit,
 }
 
@@ -122,6 +123,7 @@ pub struct Workers {
     /// The regions, if there are no threads.
     local: Vec<WorkerRegion>,
     faults: (Sender<WorkerFault>, Receiver<WorkerFault>),
+    surveys: (Sender<Box<RegionSurvey>>, Receiver<Box<RegionSurvey>>),
     /// The thread of each region.
     thread_of: Vec<(usize, usize)>,
 }
@@ -131,18 +133,19 @@ impl Workers {
     #[must_use]
     pub fn new(timing: WindowTiming, shared: Arc<Shared>, threads: usize) -> Self {
         let faults = unbounded();
+        let surveys = unbounded();
         let threads = (0..threads)
             .map(|k| {
                 let (sender, receiver) = unbounded();
-                let (shared, faults) = (Arc::clone(&shared), faults.0.clone());
+                let (shared, faults, surveys) = (Arc::clone(&shared), faults.0.clone(), surveys.0.clone());
                 let name = format!("foley-live-{k}");
-                let body = move || work(&timing, &shared, &receiver, &faults);
+                let body = move || work(&timing, &shared, &receiver, (&faults, &surveys));
                 std::thread::Builder::new().name(name).spawn(body).map(|handle| (sender, handle))
             })
             // If no thread can be started, `pump` runs the regions.
             .filter_map(Result::ok)
             .collect();
-        Self { timing, shared, threads, local: Vec::new(), faults, thread_of: Vec::new() }
+        Self { timing, shared, threads, local: Vec::new(), faults, surveys, thread_of: Vec::new() }
     }
 
     /// Starts to run regions.
@@ -207,6 +210,21 @@ impl Workers {
         }
     }
 
+    /// Asks what the nodes of a region have done; the answer comes by [`take_survey`](Self::take_survey).
+    pub fn survey(&mut self, number: usize, mut survey: Box<RegionSurvey>) {
+        if let Some(region) = self.local.iter_mut().find(|r| r.number == number) {
+            region.stage.survey(&mut survey.survey);
+            let _ = self.surveys.0.send(survey);
+        } else if let Some(&(_, thread)) = self.thread_of.iter().find(|(r, _)| *r == number) {
+            let _ = self.threads[thread].0.send(Command::Survey(survey));
+        }
+    }
+
+    /// Takes the next answer to a survey.
+    pub fn take_survey(&self) -> Option<Box<RegionSurvey>> {
+        self.surveys.1.try_recv().ok()
+    }
+
     /// Takes the next fault.
     pub fn take_fault(&self) -> Option<WorkerFault> {
         self.faults.1.try_recv().ok()
@@ -222,7 +240,12 @@ impl Drop for Workers {
     }
 }
 
-fn work(timing: &WindowTiming, shared: &Shared, commands: &Receiver<Command>, faults: &Sender<WorkerFault>) {
+fn work(
+    timing: &WindowTiming,
+    shared: &Shared,
+    commands: &Receiver<Command>,
+    (faults, surveys): (&Sender<WorkerFault>, &Sender<Box<RegionSurvey>>),
+) {
     let mut regions: Vec<WorkerRegion> = Vec::new();
     loop {
         let command = if regions.is_empty() {
@@ -243,6 +266,12 @@ fn work(timing: &WindowTiming, shared: &Shared, commands: &Receiver<Command>, fa
             Ok(Command::Renew(number, node, new)) => {
                 if let Some(region) = regions.iter_mut().find(|r| r.number == number) {
                     drop(region.stage.replace(node, new));
+                }
+            }
+            Ok(Command::Survey(mut survey)) => {
+                if let Some(region) = regions.iter_mut().find(|r| Some(r.number) == survey.region) {
+                    region.stage.survey(&mut survey.survey);
+                    let _ = surveys.send(survey);
                 }
             }
             Ok(Command::Quit) | Err(RecvTimeoutError::Disconnected) => return,

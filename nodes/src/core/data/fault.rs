@@ -1,6 +1,6 @@
 //! Errors of nodes.
 
-use super::time::Tick;
+use super::time::{Rate, Tick};
 use std::fmt;
 
 /// Reason why a node's parameters and inputs are incompatible, found before anything runs.
@@ -14,13 +14,15 @@ pub struct Reject {
     pub field: Option<String>,
     /// Advice on the correct form.
     pub help: Option<String>,
+    /// Rate that the stream at `field` should have, if it has another one.
+    pub rate: Option<Rate>,
 }
 
 impl Reject {
     /// A rejection with its code and the finding.
     #[must_use]
     pub fn new(code: &'static str, message: impl Into<String>) -> Self {
-        Self { code, message: message.into(), field: None, help: None }
+        Self { code, message: message.into(), field: None, help: None, rate: None }
     }
 
     /// Names the parameter or input that has to change.
@@ -34,6 +36,13 @@ impl Reject {
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
+        self
+    }
+
+    /// Names the rate that the stream should have.
+    #[must_use]
+    pub fn rate(mut self, rate: Rate) -> Self {
+        self.rate = Some(rate);
         self
     }
 }
@@ -102,7 +111,7 @@ impl Fault {
 
 impl From<Reject> for Fault {
     fn from(reject: Reject) -> Self {
-        let Reject { code, message, field, help } = reject;
+        let Reject { code, message, field, help, .. } = reject;
         Self { code, message, field, help, time: None }
     }
 }

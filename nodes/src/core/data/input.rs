@@ -5,9 +5,39 @@ use super::time::Tick;
 /// Maximum number of numbers in a message.
 pub const MAX_COUNT: usize = 24;
 
-/// One message: up to [`MAX_COUNT`] numbers; the node that reads them defines their meaning.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// What a message is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum MessageKind {
+    /// An impact.
+    Impact,
+    /// A frame of a contact.
+    Contact,
+    /// A trigger.
+    Trigger,
+    /// The numbers of a control.
+    Control,
+}
+
+impl MessageKind {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::Impact, Self::Contact, Self::Trigger, Self::Control];
+
+    /// The kind in one word, as in the address of a message.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Impact => "impact",
+            Self::Contact => "contact",
+            Self::Trigger => "trigger",
+            Self::Control => "control",
+        }
+    }
+}
+
+/// One message: its kind, and up to [`MAX_COUNT`] numbers; the node that reads them defines their meaning.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Message {
+    kind: MessageKind,
     numbers: [f64; MAX_COUNT],
     len: usize,
 }
@@ -15,13 +45,19 @@ pub struct Message {
 impl Message {
     /// A message of these numbers; `None` where they are too many or one is not finite.
     #[must_use]
-    pub fn new(numbers: &[f64]) -> Option<Self> {
-        let mut message = Self { numbers: [0.0; MAX_COUNT], len: numbers.len() };
+    pub fn new(kind: MessageKind, numbers: &[f64]) -> Option<Self> {
+        let mut message = Self { kind, numbers: [0.0; MAX_COUNT], len: numbers.len() };
         let fits = numbers.len() <= MAX_COUNT && numbers.iter().all(|x| x.is_finite());
         fits.then(|| {
             message.numbers[..numbers.len()].copy_from_slice(numbers);
             message
         })
+    }
+
+    /// What it is about.
+    #[must_use]
+    pub fn kind(&self) -> MessageKind {
+        self.kind
     }
 
     /// The numbers.
@@ -56,8 +92,9 @@ pub trait Display: Send {
 
 /// What nodes of a playing graph exchange with the outside: messages and frames, and levels for a display.
 pub trait Inputs: Send + Sync {
-    /// Starts to collect the messages of a channel; `None` if none can come, as in an offline run.
-    fn open(&self, channel: &str) -> Option<Box<dyn Inbox>>;
+    /// Starts to collect the messages of a kind on a channel, of which the node reads the first `numbers` numbers; `None` if none can
+    /// come, as in an offline run.
+    fn open(&self, channel: &str, kind: MessageKind, numbers: usize) -> Option<Box<dyn Inbox>>;
 
     /// Starts to collect the frames of a channel, of `count` numbers each; `None` if none can come.
     fn open_frames(&self, _channel: &str, _numbers: usize) -> Option<Box<dyn Frames>> {
@@ -75,7 +112,7 @@ pub trait Inputs: Send + Sync {
 pub struct NoInputs;
 
 impl Inputs for NoInputs {
-    fn open(&self, _: &str) -> Option<Box<dyn Inbox>> {
+    fn open(&self, _: &str, _: MessageKind, _: usize) -> Option<Box<dyn Inbox>> {
         None
     }
 }

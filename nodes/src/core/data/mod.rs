@@ -8,6 +8,7 @@ pub mod files;
 pub mod input;
 pub mod item;
 pub mod random;
+pub mod silence;
 pub mod state;
 pub mod time;
 pub mod unmatched;

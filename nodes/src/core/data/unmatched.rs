@@ -31,20 +31,17 @@ impl<K: Copy + PartialEq> Unmatched<K> {
         }
     }
 
-    /// Returns the keys, each as `text` has it, or None if nothing was refused: "1, 4", or "1, 4 and more".
-    pub fn list<T: Display>(&self, text: impl Fn(K) -> T) -> Option<String> {
+    /// Returns true if nothing was refused.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.keys[0].is_none()
+    }
+
+    /// Returns the keys, each as `text` has it: "1, 4", or "1, 4 and more".
+    pub fn list<T: Display>(&self, text: impl Fn(K) -> T) -> String {
         let keys: Vec<String> = self.keys.iter().flatten().map(|key| text(*key).to_string()).collect();
         let more = if self.more { " and more" } else { "" };
-        (!keys.is_empty()).then(|| format!("{}{more}", keys.join(", ")))
-    }
-}
-
-impl Unmatched<u32> {
-    /// Why a node that reads one object has had nothing to do; None if it reads all, or if there was nothing at all.
-    #[must_use]
-    pub fn no_object(&self, what: &str, object: Option<u32>) -> Option<String> {
-        let there = self.list(|object| object)?;
-        Some(format!("no {what} has object {}; there are {there}", object?))
+        format!("{}{more}", keys.join(", "))
     }
 }
 
@@ -55,10 +52,10 @@ mod tests {
     #[test]
     fn different_keys_are_listed_once_each() {
         let mut all = Unmatched::default();
-        assert_eq!(all.no_object("impact", Some(7)), None);
+        assert!(all.is_empty());
         [4, 1, 4].into_iter().for_each(|key| all.add(key));
-        assert_eq!(all.no_object("impact", Some(7)).unwrap(), "no impact has object 7; there are 4, 1");
+        assert_eq!(all.list(|key| key), "4, 1");
         (10..20).for_each(|key| all.add(key));
-        assert_eq!(all.list(|key| key).unwrap(), "4, 1, 10, 11, 12, 13, 14, 15 and more");
+        assert_eq!(all.list(|key| key), "4, 1, 10, 11, 12, 13, 14, 15 and more");
     }
 }

@@ -13,6 +13,7 @@ use super::params::Params;
 use super::ports::Ports;
 use super::random::Rng;
 use super::shape::{Build, Shape};
+use super::silence::Silence;
 use super::state::StateArchive;
 use super::time::Rate;
 
@@ -104,6 +105,13 @@ pub trait Node: Sized + Send + 'static {
     fn finish(&mut self, io: <Self::Ports as Ports>::Io<'_>) -> Result<Summary, Fault> {
         let _ = io;
         Ok(Summary::new())
+    }
+
+    /// Returns why it has given nothing so far, although it got something; `None` if it has given something, or knows no reason.
+    ///
+    /// A node that can refuse or swallow its input has a reason. Nothing may be allocated here.
+    fn silence(&self) -> Option<Silence> {
+        None
     }
 
     /// Adopts new parameters while running, or requires a rebuild.
@@ -249,6 +257,7 @@ pub fn same_rate(field: &str, found: Rate, other: &str, wanted: Rate) -> Result<
     let message = format!("`{field}` runs at {found}, {other} at {wanted}");
     Err(Reject::new("F045", message)
         .at(field)
+        .rate(wanted)
         .help(format!("put Resample(rate: {wanted}) before `{field}`").replace(" Hz", "")))
 }
 

@@ -7,6 +7,7 @@ use crate::core::params::{AnyParams, Datum, FieldError, ParamSpec, Params, Sourc
 use crate::core::ports::{Cx, PortKind, PortSpec, Ports};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, NodeShape, RawShape, Shape};
+use crate::core::silence::Silence;
 use crate::core::state::StateArchive;
 use std::any::Any;
 use std::fmt;
@@ -25,6 +26,10 @@ pub trait DynNode: Send {
     fn finish(&mut self, cx: &Cx<'_>) -> Result<Summary, Fault> {
         let _ = cx;
         Ok(Summary::new())
+    }
+    /// As [`Node::silence`].
+    fn silence(&self) -> Option<Silence> {
+        None
     }
     /// Takes over new parameters.
     fn retune(&mut self, new: &dyn AnyParams) -> Retune {
@@ -60,6 +65,10 @@ impl<N: Node> DynNode for Wrap<N> {
 
     fn finish(&mut self, cx: &Cx<'_>) -> Result<Summary, Fault> {
         self.0.finish(N::Ports::open(cx))
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        self.0.silence()
     }
 
     fn retune(&mut self, new: &dyn AnyParams) -> Retune {

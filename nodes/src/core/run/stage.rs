@@ -7,6 +7,7 @@ use crate::core::fault::Fault;
 use crate::core::item::AnyValue;
 use crate::core::node::DynNode;
 use crate::core::ports::Shared;
+use crate::core::silence::Silence;
 use crate::core::state::StateArchive;
 use crate::core::time::Tick;
 use std::cell::RefCell;
@@ -33,6 +34,33 @@ pub struct NodeTime {
     pub time: Duration,
     /// Calls of `run`.
     pub calls: u64,
+}
+
+/// What the nodes of a stage have done, taken by [`Stage::survey`].
+#[derive(Clone, Debug, Default)]
+pub struct Survey {
+    active: Vec<u64>,
+    silence: Vec<Option<Silence>>,
+}
+
+impl Survey {
+    /// A survey of a stage with this number of nodes, from which on their activity is recorded, or not (`false`).
+    #[must_use]
+    pub fn new(nodes: usize, record: bool) -> Self {
+        Self { active: vec![0; if record { nodes } else { 0 }], silence: vec![None; nodes] }
+    }
+
+    /// As [`Stage::activity`], since the last survey, if it has recorded.
+    #[must_use]
+    pub fn activity(&self, node: usize) -> Option<u64> {
+        self.active.get(node).copied()
+    }
+
+    /// Why a node has given nothing so far.
+    #[must_use]
+    pub fn silence(&self, node: usize) -> Option<Silence> {
+        *self.silence.get(node)?
+    }
 }
 
 /// A fault, and the index in the stage of the node that raised it.
@@ -229,9 +257,23 @@ impl Stage {
         for (k, stage_node) in self.nodes.iter_mut().enumerate() {
             let StageNode { node, clock, inputs, outputs, .. } = stage_node;
             let cx = Cx { shared: &shared, inputs, outputs, clock: *clock };
-            summaries.push(node.finish(&cx).map_err(|fault| (k, fault))?);
+            let mut summary = node.finish(&cx).map_err(|fault| (k, fault))?;
+            match node.silence() {
+                None => {}
+                Some(Silence::Off) => summary.push(("off", true.into())),
+                Some(silence) => summary.push(("silent", silence.to_string().into())),
+            }
+            summaries.push(summary);
         }
         Ok(summaries)
+    }
+
+    /// Returns what the nodes have done since the last survey, and why they have given nothing so far. Nothing is allocated or freed here.
+    pub fn survey(&mut self, survey: &mut Survey) {
+        std::mem::swap(&mut self.active, &mut survey.active);
+        for (node, silence) in self.nodes.iter().zip(&mut survey.silence) {
+            *silence = node.node.silence();
+        }
     }
 
     /// The output wires of a node, by its index.

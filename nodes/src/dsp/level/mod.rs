@@ -2,6 +2,7 @@
 
 pub mod gain;
 pub mod level_meter;
+pub mod limiter;
 pub mod loudness;
 pub mod loudness_meter;
 pub mod meter;

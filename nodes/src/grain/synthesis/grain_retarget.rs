@@ -13,6 +13,7 @@ use crate::core::params::{Params, Text};
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
+use crate::core::silence::Silence;
 use crate::core::time::{Rate, Tick, ticks};
 use crate::core::unmatched::Unmatched;
 use crate::dsp::{Trigger, db_to_linear};
@@ -261,18 +262,6 @@ impl GrainRetarget {
     }
 }
 
-impl GrainRetarget {
-    /// Why nothing of the object is heard.
-    fn silent(&self) -> Option<String> {
-        let impacts = self.others.no_object("impact", self.params.object);
-        let contacts = self.contacts.others.list(|[a, b]| format!("{a}-{b}")).zip(self.params.object);
-        let contacts =
-            contacts.map(|(there, object)| format!("no contact is of {object}; there are {there}"));
-        Some([impacts, contacts].into_iter().flatten().collect::<Vec<_>>().join(", "))
-            .filter(|text| !text.is_empty())
-    }
-}
-
 impl Node for GrainRetarget {
     type Params = GrainRetargetParams;
     type Ports = GrainRetargetPorts;
@@ -374,11 +363,17 @@ impl Node for GrainRetarget {
                 summary.push((name, count.into()));
             }
         }
-        if self.impact_counts.iter().all(|count| *count == 0) && contacts.count == 0 {
-            summary.extend(self.silent().map(|text| ("silent", text.into())));
-        }
         summary.extend(self.notices.iter().map(|text| ("warning", text.clone().into())));
         Ok(summary)
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        if self.impact_counts.iter().any(|count| *count > 0) || self.contacts.count > 0 {
+            return None;
+        }
+        let (object, others) = (self.params.object?, self.contacts.others);
+        let contacts = (!others.is_empty()).then_some(Silence::NoBody { object, others });
+        Silence::no_object("impact", Some(object), self.others).or(contacts)
     }
 
     fn retune(&mut self, new: &GrainRetargetParams) -> Retune {

@@ -6,7 +6,7 @@ mod sampler;
 mod up_axis;
 
 use super::{Materials, MeshError, Topology};
-pub use frame_rate::nominal_rate;
+pub use frame_rate::{nominal_rate, rate_difference};
 pub use limits::{MeshLimits, ReadOptions};
 pub use sampler::FrameSampler;
 pub use up_axis::UpAxis;
@@ -19,6 +19,8 @@ pub use up_axis::UpAxis;
 pub struct MeshClip {
     topology: Topology,
     times: Vec<f64>,
+    /// Times of the keys of the file, if the frames are others.
+    keys: Option<Vec<f64>>,
     dropped_faces: usize,
     other_meshes: Vec<String>,
     materials: Materials,
@@ -39,7 +41,14 @@ impl MeshClip {
             });
         }
         check_times(&times)?;
-        Ok(Self { topology, times, dropped_faces, other_meshes: Vec::new(), materials: Materials::default() })
+        Ok(Self {
+            topology,
+            times,
+            keys: None,
+            dropped_faces,
+            other_meshes: Vec::new(),
+            materials: Materials::default(),
+        })
     }
 
     /// The triangles and the rest pose.
@@ -52,6 +61,12 @@ impl MeshClip {
     #[must_use]
     pub fn times(&self) -> &[f64] {
         &self.times
+    }
+
+    /// Times in the file, s: of the keys of an animation that is evaluated at another rate, or else of the frames.
+    #[must_use]
+    pub fn file_times(&self) -> &[f64] {
+        self.keys.as_deref().unwrap_or(&self.times)
     }
 
     /// Number of vertices in each frame.
@@ -86,6 +101,11 @@ impl MeshClip {
 
     pub(super) fn with_materials(self, materials: Materials) -> Self {
         Self { materials, ..self }
+    }
+
+    #[cfg(feature = "gltf")]
+    pub(super) fn with_keys(self, keys: Vec<f64>) -> Self {
+        Self { keys: Some(keys), ..self }
     }
 
     pub(super) fn with_other_meshes(self, other_meshes: Vec<String>) -> Self {

@@ -11,6 +11,8 @@ use super::affine::Affine;
 pub struct ObjectMotion {
     object: String,
     times: Vec<f64>,
+    /// Times of the keys of the file, if the frames are others.
+    keys: Option<Vec<f64>>,
     world: Vec<Affine>,
 }
 
@@ -32,7 +34,12 @@ impl ObjectMotion {
             }
             transforms.push(transform);
         }
-        Ok(Self { object, times, world: transforms })
+        Ok(Self { object, times, keys: None, world: transforms })
+    }
+
+    #[cfg(feature = "gltf")]
+    pub(super) fn with_keys(self, keys: Vec<f64>) -> Self {
+        Self { keys: Some(keys), ..self }
     }
 
     /// Name of the object in the file.
@@ -45,6 +52,12 @@ impl ObjectMotion {
     #[must_use]
     pub fn times(&self) -> &[f64] {
         &self.times
+    }
+
+    /// Times in the file, s: of the keys of an animation that is evaluated at another rate, or else of the frames.
+    #[must_use]
+    pub fn file_times(&self) -> &[f64] {
+        self.keys.as_deref().unwrap_or(&self.times)
     }
 
     /// Returns the position in the scene of a point in the axes of the object. Returns `None` if there is no such frame.

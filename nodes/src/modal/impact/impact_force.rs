@@ -11,6 +11,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
+use crate::core::silence::Silence;
 use crate::core::time::{Rate, seconds, ticks};
 use crate::core::unmatched::Unmatched;
 use crate::{archive_state, choices, params, ports};
@@ -213,12 +214,6 @@ impl Node for ImpactForce {
         if self.beyond_last > 0 {
             summary.push(("beyond_the_last_point", self.beyond_last.into()));
         }
-        let silent = if self.count == 0 {
-            self.others.no_object("impact", self.params.object)
-        } else {
-            (self.impulses[1] == 0.0).then(|| "no impact has an impulse".to_owned())
-        };
-        summary.extend(silent.map(|text| ("silent", text.into())));
         summary.extend(range_warning(self.impulses).map(|text| ("warning", text.into())));
         Ok(summary)
     }
@@ -230,6 +225,13 @@ impl Node for ImpactForce {
         // Pulses that have started keep their shape.
         self.params = new.clone();
         Retune::Done
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        match self.count {
+            0 => Silence::no_object("impact", self.params.object, self.others),
+            _ => (self.impulses[1] == 0.0).then_some(Silence::Because("no impact has an impulse")),
+        }
     }
 
     fn adopt(&mut self, old: &mut Self) {

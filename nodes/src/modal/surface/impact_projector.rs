@@ -8,6 +8,7 @@ use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::ports::{Events, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::core::silence::Silence;
 use crate::core::unmatched::Unmatched;
 use crate::modal::impact::event::Impact;
 use crate::{archive_state, params, ports};
@@ -128,9 +129,6 @@ impl Node for ImpactProjector {
     fn finish(&mut self, _: ImpactProjectorIo<'_>) -> Result<Summary, Fault> {
         let mut summary: Summary = vec![("impacts", self.count.into())];
         let (far, distance) = self.far;
-        let silent =
-            self.others.no_object("impact", self.params.object).filter(|_| self.count == 0 && far == 0);
-        summary.extend(silent.map(|text| ("silent", text.into())));
         if far > 0 {
             let limit = self.params.max_off_surface * self.extent;
             summary.push(("left_out_off_the_surface", far.into()));
@@ -140,6 +138,11 @@ impl Node for ImpactProjector {
             summary.push(("warning", text.into()));
         }
         Ok(summary)
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        let none = self.count == 0 && self.far.0 == 0;
+        Silence::no_object("impact", self.params.object, self.others).filter(|_| none)
     }
 
     fn retune(&mut self, new: &ImpactProjectorParams) -> Retune {

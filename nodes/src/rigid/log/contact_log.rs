@@ -99,11 +99,22 @@ fn notes(p: &ContactLogParams, track: &ContactTrack) -> Vec<String> {
     let path = &p.path.0;
     let mut notes = Vec::new();
     let (uneven, gaps) = track.uneven;
-    if uneven * 10 > gaps {
+    let wrong_rate = p.rate.zip(track.observed).filter(|(_, observed)| {
+        let ratio = *observed as f64 / track.step.max(1) as f64;
+        (ratio - 1.0).abs() > 0.05
+    });
+    if let Some((rate, observed)) = wrong_rate {
+        let own = seconds(observed);
+        notes.push(format!(
+            "{path:?}: its frames are {:.3} ms apart, {:.1} a second, and `rate` is {rate}: leave `rate` out, unless frames without contacts are missing",
+            own * 1e3,
+            1.0 / own
+        ));
+    } else if uneven * 10 > gaps {
         let ms = seconds(track.step) * 1e3;
         notes.push(format!("{path:?}: {uneven} of {gaps} gaps between frames are not a whole number of frames of {ms:.3} ms; set `rate` if frames have another length"));
     }
-    if track.bridged * 10 > track.frames.len() as u64 {
+    if wrong_rate.is_none() && track.bridged * 10 > track.frames.len() as u64 {
         let (missing, all) = (track.bridged, track.frames.len());
         notes.push(format!(
             "{path:?}: {missing} of {all} frames of contacts are missing and treated as silent; set `rate` if frames have another length"

@@ -16,6 +16,8 @@ pub(super) struct FrameIntervals {
     pub common: Tick,
     /// The longest interval: the time to wait for the next frame.
     pub longest: Tick,
+    /// Interval that the gaps have in common, whatever the known rate.
+    pub observed: Option<Tick>,
     /// Interval of each frame with contacts.
     pub intervals: Vec<Tick>,
     /// Number of gaps that are not a whole number of frames.
@@ -29,7 +31,8 @@ impl FrameIntervals {
     /// shorter. So the rate of a log can change, and a frame without contacts is recognised as missing.
     pub fn new(times: &[Tick], rate: Option<f64>) -> Self {
         let gaps: Vec<Tick> = times.windows(2).map(|w| w[1] - w[0]).collect();
-        let common = rate.map_or_else(|| quartile(&gaps), |rate| Some(ticks(1.0 / rate)));
+        let observed = quartile(&gaps);
+        let common = rate.map_or(observed, |rate| Some(ticks(1.0 / rate)));
         let common = common.unwrap_or(ticks(1.0 / 60.0)).max(1);
         let neighbours = |k: usize| {
             let before = gaps.get(k.saturating_sub(NEIGHBOURS)..k).and_then(common_gap);
@@ -52,7 +55,7 @@ impl FrameIntervals {
         let longest = gaps.iter().zip(&intervals).map(length).max().unwrap_or(common);
         // The first frame is as long as the next.
         intervals.insert(0, intervals.first().copied().unwrap_or(common));
-        Self { common, longest, intervals, uneven }
+        Self { common, longest, observed, intervals, uneven }
     }
 }
 

@@ -48,6 +48,8 @@ pub struct ContactTrack {
     pub step: Tick,
     /// Longest frame interval, late frames included.
     pub longest: Tick,
+    /// Frame interval that the times of the log have in common; `None` for a single time.
+    pub observed: Option<Tick>,
     /// Number of rows of the file.
     pub rows: usize,
     /// Number of contacts.
@@ -124,6 +126,7 @@ pub fn read_contacts(
         unlisted: bodies.unlisted().to_vec(),
         frames,
         step: intervals.common,
+        observed: intervals.observed,
         longest: intervals.longest,
         rows: rows.len(),
         contacts,

@@ -9,6 +9,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::core::silence::Silence;
 use crate::core::time::ticks;
 use crate::scrape::force::contact_force_params::{ContactForceParams, ForceLawParams};
 use crate::scrape::force::pulses::LONGEST;
@@ -132,12 +133,16 @@ impl Node for FeatureCrossings {
     }
 
     fn finish(&mut self, _: FeatureCrossingsIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = self.voices.summary(&self.params.contact, self.params.law.kappa, self.kappa);
+        let mut summary = self.voices.summary();
         summary.push(("meetings", self.force.crossings.into()));
         if self.force.all_left_out() > 0 {
             summary.push(("meetings_left_out", self.force.all_left_out().into()));
         }
         Ok(summary)
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        self.voices.silence(&self.params.contact, self.params.law.kappa, self.kappa)
     }
 
     fn retune(&mut self, new: &FeatureCrossingsParams) -> Retune {

@@ -8,6 +8,7 @@ use super::contact_force_params::ContactForceParams;
 use super::strength::Strength;
 use crate::archive_state;
 use crate::core::node::Summary;
+use crate::core::silence::Silence;
 use crate::core::state::Stateful;
 use crate::core::time::{Rate, TICKS_PER_SECOND, Tick};
 use crate::core::unmatched::Unmatched;
@@ -256,11 +257,9 @@ impl<S: Clone> Voices<S> {
         self.now
     }
 
-    /// Returns the summary of a run: level of the force, number of contacts, and why there is no force although the gain and `kappa`, its own or
-    /// the linked one, are not 0. A linked one of 0 turns the node off: another representation of the surface sounds.
+    /// Returns the summary of a run: level of the force, and number of contacts.
     #[must_use]
-    pub fn summary(&self, contact: &ContactForceParams, kappa: f64, linked: Option<Strength>) -> Summary {
-        let kappa = linked.map_or(kappa, |linked| linked.kappa);
+    pub fn summary(&self) -> Summary {
         let level = self.meter.level();
         let mut summary: Summary = vec![
             ("peak_n", level.peak.into()),
@@ -270,21 +269,31 @@ impl<S: Clone> Voices<S> {
         if self.left_out > 0 {
             summary.push(("left_out", self.left_out.into()));
         }
-        let silent = if level.peak > 0.0 || kappa * contact.gain == 0.0 {
+        summary
+    }
+
+    /// Returns why there is no force although the gain and `kappa`, its own or the linked one, are not 0. A linked one of 0 turns the
+    /// node off: another representation of the surface sounds.
+    #[must_use]
+    pub fn silence(
+        &self,
+        contact: &ContactForceParams,
+        kappa: f64,
+        linked: Option<Strength>,
+    ) -> Option<Silence> {
+        if linked.is_some_and(|linked| linked.kappa == 0.0) {
+            return Some(Silence::Off);
+        }
+        let kappa = linked.map_or(kappa, |linked| linked.kappa);
+        if self.meter.level().peak > 0.0 || kappa * contact.gain == 0.0 {
             None
         } else if self.audible > 0 {
-            Some(
-                "contacts make no force: nothing moves, or the surface is even (an image of one tone?)"
-                    .to_owned(),
-            )
+            Some(Silence::Because(
+                "contacts make no force: nothing moves, or the surface is even (an image of one tone?)",
+            ))
         } else {
-            self.others.no_object("path", contact.object).filter(|_| self.most == 0)
-        };
-        summary.extend(silent.map(|text| ("silent", text.into())));
-        if linked.is_some() && kappa == 0.0 {
-            summary.push(("off", true.into()));
+            Silence::no_object("path", contact.object, self.others).filter(|_| self.most == 0)
         }
-        summary
     }
 
     /// The samples of all voices between two beginnings.

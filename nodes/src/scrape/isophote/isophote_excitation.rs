@@ -9,6 +9,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::core::silence::Silence;
 use crate::core::time::ticks;
 use crate::dsp::Reference;
 use crate::scrape::force::contact_force_params::{ContactForceParams, ForceLawParams};
@@ -173,7 +174,7 @@ impl Node for IsophoteExcitation {
     }
 
     fn finish(&mut self, _: IsophoteExcitationIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = self.voices.summary(&self.params.contact, self.params.law.kappa, self.kappa);
+        let mut summary = self.voices.summary();
         if self.params.reading == Reading::Crossing {
             summary.push(("crossings", self.force.crossings.into()));
         }
@@ -181,6 +182,10 @@ impl Node for IsophoteExcitation {
             summary.push(("crossings_left_out", self.force.all_left_out().into()));
         }
         Ok(summary)
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        self.voices.silence(&self.params.contact, self.params.law.kappa, self.kappa)
     }
 
     fn retune(&mut self, new: &IsophoteExcitationParams) -> Retune {

@@ -11,6 +11,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::core::silence::Silence;
 use crate::dsp::Reference;
 use crate::scrape::force::contact_force_params::{ContactForceParams, ForceLawParams};
 use crate::scrape::force::strength::{self, Strength, linked, silent};
@@ -235,7 +236,11 @@ impl Node for MapExcitation {
     }
 
     fn finish(&mut self, _: MapExcitationIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.voices.summary(&self.params.contact, self.params.law.kappa, self.kappa))
+        Ok(self.voices.summary())
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        self.voices.silence(&self.params.contact, self.params.law.kappa, self.kappa)
     }
 
     fn retune(&mut self, new: &MapExcitationParams) -> Retune {

@@ -11,6 +11,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::{Random, Rng};
 use crate::core::shape::{Build, Shape};
+use crate::core::silence::Silence;
 use crate::dsp::Reference;
 use crate::scrape::force::contact_force_params::ContactForceParams;
 use crate::scrape::force::strength::{self, Strength, linked, silent};
@@ -188,7 +189,11 @@ impl Node for NoiseExcitation {
     }
 
     fn finish(&mut self, _: NoiseExcitationIo<'_>) -> Result<Summary, Fault> {
-        Ok(self.voices.summary(&self.params.contact, self.params.kappa, self.kappa))
+        Ok(self.voices.summary())
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        self.voices.silence(&self.params.contact, self.params.kappa, self.kappa)
     }
 
     fn retune(&mut self, new: &NoiseExcitationParams) -> Retune {

@@ -13,6 +13,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::core::silence::Silence;
 use crate::core::time::{Tick, ticks};
 use crate::core::unmatched::Unmatched;
 use crate::rigid::{ContactFrame, ContactState, State};
@@ -271,34 +272,6 @@ impl ContactPath {
         }
     }
 
-    /// Why no contact is heard.
-    fn silent(&self) -> Option<String> {
-        let p = &self.params;
-        let frames: u64 = self.kinds.iter().sum();
-        if frames == 0 {
-            let there = self.others.list(|[a, b]| format!("{a}-{b}"))?;
-            let wanted = match (p.a, p.b) {
-                (Some(a), Some(b)) => format!("between {a} and {b}"),
-                (Some(a), None) => format!("of {a} as the first body"),
-                (None, Some(b)) => format!("of {b} as the second body"),
-                (None, None) => return None,
-            };
-            return Some(format!("no contact {wanted}; there are {there}"));
-        }
-        let mut kinds = State::ALL.into_iter().zip(self.kinds).filter(|(_, count)| *count > 0);
-        if kinds.clone().any(|(state, _)| self.weight(state) > 0.0) {
-            return None;
-        }
-        let count = |(state, count): (State, u64)| {
-            let word = state.word();
-            let off = if state == State::Static { String::new() } else { format!(" (`{word}` is 0)") };
-            format!("{count} {word}{off}")
-        };
-        let first = kinds.next().map(count)?;
-        let all = kinds.fold(first, |all, kind| format!("{all}, {}", count(kind)));
-        Some(format!("of {frames} frames none is heard: {all}"))
-    }
-
     /// Merges a contact into the one of its pair.
     fn gather(&mut self, sample: ContactSample, frame: FrameForce, bodies: [u32; 2]) {
         let contact = PathPiece::pair(bodies);
@@ -439,10 +412,23 @@ impl Node for ContactPath {
             summary.push(("friction_work_heard", share(work.heard, work.all).into()));
             summary.push(("friction_work_of_impacts", (1.0 - share(work.limited, work.smoothed)).into()));
         }
-        summary.extend(self.silent().map(|text| ("silent", text.into())));
         let warning = self.forces.jitter.warning(self.params.force_smooth);
         summary.extend(warning.map(|text| ("warning", text.into())));
         Ok(summary)
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        let (p, others) = (&self.params, self.others);
+        if self.kinds.iter().all(|count| *count == 0) {
+            let wanted = p.a.is_some() || p.b.is_some();
+            return (wanted && !others.is_empty()).then_some(Silence::NoPair { a: p.a, b: p.b, others });
+        }
+        let kinds = State::ALL.into_iter().zip(self.kinds);
+        if kinds.clone().any(|(state, count)| count > 0 && self.weight(state) > 0.0) {
+            return None;
+        }
+        let kinds = kinds.map(|(state, count)| (state.word(), count, state != State::Static));
+        Some(Silence::Unheard(kinds.collect()))
     }
 
     fn retune(&mut self, new: &ContactPathParams) -> Retune {

@@ -13,6 +13,7 @@ use crate::core::params::Params;
 use crate::core::ports::{Events, Stream, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::core::silence::Silence;
 use crate::core::time::ticks;
 use crate::modal::impact::pulse::LONGEST;
 use crate::scrape::force::contact_force_params::ContactForceParams;
@@ -220,12 +221,16 @@ impl Node for TwoTextures {
     }
 
     fn finish(&mut self, _: TwoTexturesIo<'_>) -> Result<Summary, Fault> {
-        let mut summary = self.voices.summary(&self.params.contact, self.params.kappa, self.kappa);
+        let mut summary = self.voices.summary();
         summary.push(("impacts", self.joints.count.into()));
         if self.joints.left_out > 0 {
             summary.push(("impacts_left_out", self.joints.left_out.into()));
         }
         Ok(summary)
+    }
+
+    fn silence(&self) -> Option<Silence> {
+        self.voices.silence(&self.params.contact, self.params.kappa, self.kappa)
     }
 
     fn retune(&mut self, new: &TwoTexturesParams) -> Retune {

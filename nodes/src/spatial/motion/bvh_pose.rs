@@ -12,7 +12,7 @@ use crate::core::ports::Stream;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
-use crate::mesh::UpAxis;
+use crate::mesh::{UpAxis, rate_difference};
 use crate::{params, ports};
 use std::sync::Arc;
 
@@ -107,6 +107,7 @@ impl Node for BvhPose {
     fn shape(p: &BvhPoseParams, s: &mut Shape<'_, '_, BvhPosePorts>) -> Result<(), Reject> {
         let motion = JointMotion::read(p, &s.bytes("path", &p.path.0)?)?;
         let rate = p.rate.unwrap_or(motion.rate);
+        rate_difference(&motion.poses.times(), rate, "rate").into_iter().for_each(|note| s.note(note));
         s.ends(Some(rate.tick(motion.poses.frames(rate))));
         s.output(BvhPosePorts::pose, rate, ());
         s.prepare(motion);

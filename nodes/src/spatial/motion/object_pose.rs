@@ -14,7 +14,7 @@ use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::mesh::alembic::writer;
 use crate::mesh::animation_file::{Assets, Format, Span, gltf_selection, output_rate, read_gltf, reject};
-use crate::mesh::{MeshError, MeshLimits, ObjectMotion, UpAxis, alembic, gltf};
+use crate::mesh::{MeshError, MeshLimits, ObjectMotion, UpAxis, alembic, gltf, rate_difference};
 use crate::{params, ports};
 use std::sync::Arc;
 
@@ -96,6 +96,8 @@ fn poses(motion: &ObjectMotion, up: UpAxis, unit: f64) -> Result<Vec<Pose>, usiz
 struct ObjectTrack {
     poses: PoseTrack,
     rate: Rate,
+    /// How the times of the file and the rate differ.
+    difference: Option<String>,
     /// `None` if the stream never ends.
     items: Option<i64>,
 }
@@ -118,7 +120,9 @@ impl ObjectTrack {
         let rate = output_rate(times, p.rate, "rate").map_err(of_file)?;
         let items = Span { start: p.start, duration: p.duration }.items(times, rate).map_err(of_file)?;
         let start = p.start.unwrap_or(times[0]);
-        Ok(Self { poses: PoseTrack::at_times(times.iter().map(|t| t - start).zip(poses)), rate, items })
+        let difference = rate_difference(motion.file_times(), rate, "rate");
+        let poses = PoseTrack::at_times(times.iter().map(|t| t - start).zip(poses));
+        Ok(Self { poses, rate, difference, items })
     }
 }
 
@@ -164,6 +168,7 @@ impl Node for ObjectPose {
 
     fn shape(p: &ObjectPoseParams, s: &mut Shape<'_, '_, ObjectPosePorts>) -> Result<(), Reject> {
         let track = ObjectTrack::read(p, s)?;
+        track.difference.iter().for_each(|note| s.note(note));
         s.ends(track.items.map(|items| track.rate.tick(items)));
         s.output(ObjectPosePorts::pose, track.rate, ());
         s.prepare(track);

@@ -10,6 +10,7 @@ use crate::core::ports::Stream;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
+use crate::mesh::rate_difference;
 use crate::{params, ports};
 
 params! {
@@ -54,6 +55,7 @@ impl Node for PoseFile {
 
     fn shape(p: &PoseFileParams, s: &mut Shape<'_, '_, PoseFilePorts>) -> Result<(), Reject> {
         let poses = read(p, &s.bytes("path", &p.path.0)?)?;
+        rate_difference(&poses.times(), p.rate, "rate").into_iter().for_each(|note| s.note(note));
         s.ends(Some(p.rate.tick(poses.frames(p.rate))));
         s.output(PoseFilePorts::pose, p.rate, ());
         Ok(())

@@ -2,7 +2,7 @@
 
 use super::pose::{MAX_COORDINATE, Pose};
 use crate::core::files::excerpt;
-use crate::core::time::{Rate, Tick, ticks};
+use crate::core::time::{Rate, Tick, seconds, ticks};
 use thiserror::Error;
 
 /// Largest number of rows of a file.
@@ -47,6 +47,12 @@ impl PoseTrack {
     #[must_use]
     pub fn end(&self) -> Tick {
         self.poses.last().map_or(0, |(tick, _)| *tick)
+    }
+
+    /// Returns the time of each pose in s.
+    #[must_use]
+    pub fn times(&self) -> Vec<f64> {
+        self.poses.iter().map(|(tick, _)| seconds(*tick)).collect()
     }
 
     /// Returns the pose at a time. Between rows positions are interpolated linearly and orientations by slerp; before the first and after

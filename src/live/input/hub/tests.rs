@@ -2,20 +2,24 @@
 
 use super::*;
 
+fn control(x: f64) -> Message {
+    Message::new(MessageKind::Control, &[x]).unwrap()
+}
+
 #[test]
 fn messages_arrive_in_the_order_of_their_times() {
     let hub = Hub::new();
-    let mut inbox = hub.open("a").unwrap();
+    let mut inbox = hub.open("a", MessageKind::Control, 16).unwrap();
     for (x, wait) in [(1.0, 30), (2.0, 10), (3.0, 20)] {
-        hub.deliver("a", Message::new(&[x]).unwrap(), Duration::from_millis(wait));
+        hub.deliver("a", control(x), Duration::from_millis(wait));
     }
-    hub.deliver("nobody", Message::new(&[9.0]).unwrap(), Duration::ZERO);
+    hub.deliver("nobody", control(9.0), Duration::ZERO);
     let mut next = |ms: f64| inbox.next(ticks(ms / 1e3)).map(|(_, m)| m.numbers()[0]);
     assert_eq!(
         [next(15.0), next(15.0), next(25.0), next(99.0), next(99.0)],
         [Some(2.0), None, Some(3.0), Some(1.0), None]
     );
-    assert_eq!((hub.delivered.load(Relaxed), hub.unclaimed.load(Relaxed)), (3, 1));
+    assert_eq!((hub.delivered.load(Relaxed), hub.refusals.count(Refusal::Unclaimed)), (3, 1));
 }
 
 #[test]
@@ -34,7 +38,8 @@ fn the_latest_due_frame_is_read_and_later_ones_wait() {
     );
     assert!(!hub.deliver_frame("sheet", 40, &[0.0; 6]) && !hub.deliver_frame("other", 40, &[0.0; 3]));
     // Two that are not later than the one before, and two without a node.
-    assert_eq!((hub.delivered.load(Relaxed), hub.unclaimed.load(Relaxed)), (3, 4));
+    assert_eq!(refused(&hub, [Refusal::Dropped, Refusal::Unclaimed]), [2, 2]);
+    assert_eq!(hub.delivered.load(Relaxed), 3);
 }
 
 #[test]
@@ -49,7 +54,8 @@ fn frames_are_reused_and_those_without_a_slot_are_counted() {
         assert_eq!(frames.latest(Tick::MAX, &mut shown), Some(100 * round + MAX_FRAMES as i64 - 1));
         assert_eq!(shown, [MAX_FRAMES as f32 - 1.0; 2]);
     }
-    assert_eq!((hub.delivered.load(Relaxed), hub.unclaimed.load(Relaxed)), (10 * MAX_FRAMES as u64, 30));
+    assert_eq!(refused(&hub, [Refusal::Dropped]), [30]);
+    assert_eq!(hub.delivered.load(Relaxed), 10 * MAX_FRAMES as u64);
 }
 
 #[test]
@@ -64,19 +70,19 @@ fn a_channel_exists_as_long_as_its_node() {
     assert!(hub.frame_channels().is_empty());
 }
 
-fn count(counter: &AtomicU64) -> u64 {
-    counter.load(Relaxed)
+fn refused<const N: usize>(hub: &Hub, kinds: [Refusal; N]) -> [u64; N] {
+    kinds.map(|kind| hub.refusals.count(kind))
 }
 
 #[test]
 fn messages_far_ahead_are_refused_and_due_ones_pass_those_that_wait() {
     let hub = Hub::new();
-    let mut inbox = hub.open("a").unwrap();
-    let send = |x: f64, wait: u64| hub.deliver("a", Message::new(&[x]).unwrap(), Duration::from_secs(wait));
+    let mut inbox = hub.open("a", MessageKind::Control, 16).unwrap();
+    let send = |x: f64, wait: u64| hub.deliver("a", control(x), Duration::from_secs(wait));
     (0..1100).for_each(|_| send(1.0, 3500));
-    assert_eq!((count(&hub.too_early), count(&hub.delivered), count(&hub.unclaimed)), (1100, 0, 0));
+    assert_eq!((refused(&hub, [Refusal::TooEarly]), hub.delivered.load(Relaxed)), ([1100], 0));
     (0..1100).for_each(|_| send(1.0, 9));
-    assert_eq!((count(&hub.delivered), count(&hub.unclaimed)), (1024, 76));
+    assert_eq!((hub.delivered.load(Relaxed), refused(&hub, [Refusal::Dropped])), (1024, [76]));
     send(2.0, 0);
     assert_eq!(inbox.next(ticks(0.01)).map(|(_, m)| m.numbers()[0]), Some(2.0));
     assert!(inbox.next(ticks(0.01)).is_none());
@@ -91,8 +97,8 @@ fn messages_far_ahead_are_refused_and_due_ones_pass_those_that_wait() {
 #[test]
 fn a_node_reads_1024_messages_in_a_window_and_the_others_in_the_next() {
     let hub = Hub::new();
-    let mut inbox = hub.open("a").unwrap();
-    let send = || hub.deliver("a", Message::new(&[1.0]).unwrap(), Duration::ZERO);
+    let mut inbox = hub.open("a", MessageKind::Control, 16).unwrap();
+    let send = || hub.deliver("a", control(1.0), Duration::ZERO);
     (0..900).for_each(|_| send());
     let mut read = 0;
     while inbox.next(10).is_some() {
@@ -114,6 +120,6 @@ fn of_parameters_to_set_the_newest_counts_and_256_wait() {
     let sets = hub.take_sets(Duration::ZERO);
     assert_eq!(sets.len(), MAX_SETS);
     assert_eq!(sets[0], Set { target: "level".into(), value: "999999".into() });
-    assert_eq!(count(&hub.unclaimed), 45);
+    assert_eq!(refused(&hub, [Refusal::Dropped]), [45]);
     assert!(hub.take_sets(Duration::from_millis(1)).is_empty());
 }

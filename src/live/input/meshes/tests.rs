@@ -50,7 +50,7 @@ fn frames_keep_their_intervals() {
     }
     read(&[], &hub).unwrap();
     read(&begin("sheet", 2), &hub).unwrap();
-    assert_eq!((hub.delivered.load(Relaxed), hub.malformed.load(Relaxed)), (3, 0));
+    assert_eq!((hub.delivered.load(Relaxed), hub.refusals.count(Refusal::Malformed)), (3, 0));
 }
 
 #[test]
@@ -88,11 +88,11 @@ fn errors_name_the_expected_form() {
     for (k, (bytes, wanted)) in cases.iter().enumerate() {
         let found = read(bytes, &hub).unwrap_err();
         assert!(found.contains(wanted), "{found}");
-        assert_eq!(hub.malformed.load(Relaxed), k as u64 + 1);
+        assert_eq!(hub.refusals.count(Refusal::Malformed), k as u64 + 1);
     }
     let found = read(&begin("coat", 2), &hub).unwrap_err();
     assert_eq!(found, "no LiveMesh has the channel \"coat\"; the graph has \"sheet\", \"shirt\"");
-    assert_eq!(hub.malformed.load(Relaxed), cases.len() as u64);
+    assert_eq!(hub.refusals.count(Refusal::Malformed), cases.len() as u64);
 }
 
 #[test]

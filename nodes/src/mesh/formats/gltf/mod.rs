@@ -54,7 +54,8 @@ pub fn open(
     let instance = Instance::read(&node, &mut buffers, &options.limits)?;
     let animation = selected_animation(&document, selection.animation.as_deref())?;
     let mut pose = Pose::read(&document, &node, animation, Some(&instance), &mut buffers)?;
-    let times = frame_times(&pose, selection.fps, &options.limits)?;
+    let keys = key_times(&pose, &options.limits)?;
+    let times = frame_times(&keys, selection.fps, &options.limits)?;
     let vertices = instance.points.len();
     let mut triangles = instance.triangles.clone();
     if triangles.is_empty() || vertices == 0 {
@@ -69,7 +70,7 @@ pub fn open(
     let mut local = vec![[0.0; 3]; vertices];
     write_frame(&instance, &pose, &mut local, options.metres_per_unit, 0, &mut rest)?;
     let clip = MeshClip::new(Topology { rest, triangles }, times.clone(), instance.dropped)?;
-    let clip = clip.with_other_meshes(other_meshes);
+    let clip = clip.with_other_meshes(other_meshes).with_keys(keys);
     let frames = Frames { instance, pose, times, local, scale: options.metres_per_unit };
     Ok(MeshStream { clip, frames: Box::new(frames) })
 }
@@ -163,13 +164,19 @@ fn choose<'a>(
     Ok((found, Vec::new()))
 }
 
-fn frame_times(pose: &Pose, fps: Option<f64>, limits: &MeshLimits) -> Result<Vec<f64>, MeshError> {
+/// Times of the keys of an animation; without keys that of one frame.
+fn key_times(pose: &Pose, limits: &MeshLimits) -> Result<Vec<f64>, MeshError> {
     let mut keys: Vec<f64> = pose.key_times(limits.max_frames);
     keys.sort_unstable_by(f64::total_cmp);
     keys.dedup();
     limits.frames(keys.len() as u64)?;
-    let (Some(&first), Some(&last)) = (keys.first(), keys.last()) else { return Ok(vec![0.0]) };
-    let Some(fps) = fps else { return Ok(keys) };
+    Ok(if keys.is_empty() { vec![0.0] } else { keys })
+}
+
+/// Times at which an animation with these keys is evaluated: at the keys, or `fps` times a second from the first key on.
+fn frame_times(keys: &[f64], fps: Option<f64>, limits: &MeshLimits) -> Result<Vec<f64>, MeshError> {
+    let (first, last) = (keys[0], keys[keys.len() - 1]);
+    let Some(fps) = fps.filter(|_| keys.len() > 1) else { return Ok(keys.to_vec()) };
     if !fps.is_finite() || fps <= 0.0 {
         return Err(MeshError::Parameter { name: "fps", value: fps, expected: "finite and positive" });
     }

@@ -8,8 +8,8 @@ use ::gltf::{Animation, Document, Node};
 use super::container::Buffers;
 use super::pose::Pose;
 use super::{
-    GltfSelection, MeshError, MeshLimits, ObjectMotion, Resolve, frame_times, name_of, read_document,
-    selected_animation,
+    GltfSelection, MeshError, MeshLimits, ObjectMotion, Resolve, frame_times, key_times, name_of,
+    read_document, selected_animation,
 };
 
 /// Reads the motion of a node in the space of the scene (Y up in glTF): the transforms of all nodes above it are applied, and its own.
@@ -36,11 +36,13 @@ pub fn object_motion(
     let node = choose(&document, animation.as_ref(), selection.object.as_deref())?;
     let mut buffers = Buffers::load(&document, bin, resolve, *limits)?;
     let mut pose = Pose::read(&document, &node, animation, None, &mut buffers)?;
-    let times = frame_times(&pose, selection.fps, limits)?;
-    ObjectMotion::evaluate(name_of(&node), times, |time| {
+    let keys = key_times(&pose, limits)?;
+    let times = frame_times(&keys, selection.fps, limits)?;
+    let motion = ObjectMotion::evaluate(name_of(&node), times, |time| {
         pose.evaluate(Some(time));
         Ok(pose.world())
-    })
+    })?;
+    Ok(motion.with_keys(keys))
 }
 
 /// The node of a name, or the only one that the animation moves.

@@ -1,0 +1,79 @@
+//! How to lower a sound that exceeds full scale.
+
+use crate::graph::Graph;
+use foley_nodes::core::params::Datum;
+use foley_nodes::dsp::{db_to_linear, linear_to_db};
+
+/// Peak to aim at, dB of full scale.
+const PEAK_DB: f64 = -1.0;
+/// Share of the samples beyond full scale up to which a limiter alters little.
+const FEW: f64 = 0.001;
+
+/// Samples of a sound.
+#[derive(Clone, Copy, Debug)]
+pub struct Loudness {
+    /// Largest magnitude.
+    pub peak: f64,
+    /// Share of the samples that exceed full scale.
+    pub over: f64,
+}
+
+/// Says how to lower the sound that a node without outputs, such as `WavOut`, gets, so that its peak is -1 dB of full scale.
+pub fn advice(graph: &Graph, sink: usize, sound: Loudness) -> String {
+    let above = linear_to_db(sound.peak);
+    let change = PEAK_DB - above;
+    let lower = level_parameter(graph, sink, change)
+        .unwrap_or_else(|| format!("put Gain(db: {change:.1}) before `{}`", graph.nodes[sink].id));
+    let limiter = if sound.over < FEW {
+        format!(
+            "; or put Limiter before it, since no more than {:.2} % of the samples exceed it",
+            sound.over * 100.0
+        )
+    } else {
+        String::new()
+    };
+    format!("its peak is {above:.1} dB above full scale: {lower}{limiter}")
+}
+
+/// The nearest parameter before a node that sets the level, with its new value.
+fn level_parameter(graph: &Graph, sink: usize, change: f64) -> Option<String> {
+    let mut at = sink;
+    loop {
+        // The level of one of several inputs is not that of the sum.
+        let inputs = &graph.nodes[at].links;
+        let mut links = inputs.iter().flatten().filter(|link| {
+            let port = &graph.nodes[link.node].ty.outputs[link.port];
+            matches!(port.kind, foley_nodes::core::ports::PortKind::Stream(_))
+        });
+        let link = links.next().filter(|_| links.next().is_none())?;
+        at = link.node;
+        let node = &graph.nodes[at];
+        let params = node.params.write();
+        let number = |wanted: &str| {
+            let linked = node
+                .ty
+                .inputs
+                .iter()
+                .zip(&node.links)
+                .any(|(spec, links)| spec.name == wanted && !links.is_empty());
+            let (_, datum) = params.iter().find(|(name, _)| *name == wanted && !linked)?;
+            match datum {
+                Datum::Float(x) => Some(*x),
+                Datum::Int(x) => Some(*x as f64),
+                _ => None,
+            }
+        };
+        // A node of a sub-graph is not written in the file of the user.
+        if node.id.contains('.') {
+            return None;
+        }
+        if let Some(db) = number("db") {
+            return Some(format!("set `db: {:.1}` on `{}` (now {db})", db + change, node.id));
+        }
+        if let Some(gain) = number("gain") {
+            let new = gain * db_to_linear(change);
+            let digits = (2 - new.abs().max(1e-12).log10().floor() as i32).clamp(0, 12) as usize;
+            return Some(format!("set `gain: {new:.digits$}` on `{}` (now {gain})", node.id));
+        }
+    }
+}
