@@ -164,6 +164,44 @@ fn of_selection() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// Features that are nearly noise: each is nine tenths of the one before and a Gaussian number, with a variance of 1.
+fn noisy_features(dims: usize, seed: u64, units: usize) -> Vec<f32> {
+    let mut rng = Rng::new(seed);
+    let mut gauss = || (0..12).map(|_| rng.between(-0.5, 0.5)).sum::<f64>();
+    let mut last: Vec<f64> = (0..dims).map(|_| gauss()).collect();
+    let mut out = Vec::with_capacity(dims * units);
+    for _ in 0..units {
+        last.iter_mut().for_each(|x| *x = 0.9 * *x + 0.19_f64.sqrt() * gauss());
+        out.extend(last.iter().map(|x| *x as f32));
+    }
+    out
+}
+
+/// Times the selection over features in which a run of units is soon worse than other units: a few units lie within `d_max`.
+fn of_noisy_selection() -> Result<(), Box<dyn Error>> {
+    let (targets, units) = (140_000, 57_000);
+    for (dims, d_max, look) in [(3, 0.14, 10), (3, 0.14, 5), (6, 0.575, 10)] {
+        let (database, target) = (noisy_features(dims, 11, units), noisy_features(dims, 22, targets));
+        let start = Instant::now();
+        let set = Units { features: &database, dims, segments: vec![(0, units)], allowed: vec![true; units] };
+        let params = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: true, effort: None };
+        let mut selector = selector(&set, params).ok_or("no unit")?;
+        let index = start.elapsed().as_secs_f64();
+        let mut fallbacks = 0;
+        for i in 0..targets {
+            let window = &target[i.saturating_sub(look) * dims..(i + 1) * dims];
+            fallbacks += usize::from(selector.choose(window).map_err(|e| format!("{e:?}"))?.fallback);
+        }
+        println!(
+            "selection of noise    {:>8.2} s for 140,000 targets, 57,000 units, d = {dims}, L = {look}, d_max = {d_max}, one thread, {index:.2} s of it for \
+             the index: {:.1} % fallbacks",
+            start.elapsed().as_secs_f64(),
+            100.0 * fallbacks as f64 / targets as f64
+        );
+    }
+    Ok(())
+}
+
 /// Times the best path with and without cool-off, beam search, and decisions after 50 ms.
 fn of_global_selection() -> Result<(), Box<dyn Error>> {
     let (targets, units) = (144_000, 57_600);
@@ -225,5 +263,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     of_global_selection()?;
     of_sleep()?;
     of_selection()?;
+    of_noisy_selection()?;
     of_database()
 }

@@ -3,6 +3,8 @@
 use super::Exit;
 use super::args::{NewArgs, OwnFiles, Template};
 use super::console::{stdout, tell};
+use super::run::{note_lines, show};
+use crate::session::Session;
 use anyhow::Context as _;
 use clap::ValueEnum as _;
 use std::fs;
@@ -81,10 +83,20 @@ fn shape_node(mesh: Option<&Path>) -> String {
     let surface = mesh
         .and_then(Path::extension)
         .is_some_and(|e| ["obj", "stl", "ply"].contains(&&*e.to_string_lossy().to_lowercase()));
-    let node = if surface { "SurfaceToTets" } else { "TetMeshFile" };
+    if surface {
+        let comment =
+            "// Metres: `scale: 0.001` for a shape in millimetres. More cells are more exact, and slower.";
+        return format!("        {comment}\n        \"mesh\": SurfaceToTets(path: {file:?}, cells: 12),");
+    }
     format!(
-        "        // Metres: `scale: 0.001` for a shape in millimetres.\n        \"mesh\": {node}(path: {file:?}),"
+        "        // Metres: `scale: 0.001` for a shape in millimetres.\n        \"mesh\": TetMeshFile(path: {file:?}),"
     )
+}
+
+/// Returns true for an animation in a format that states its times.
+fn is_timed(mesh: Option<&Path>) -> bool {
+    let extension = mesh.and_then(Path::extension);
+    extension.is_some_and(|e| ["abc", "gltf", "glb", "mdd"].contains(&&*e.to_string_lossy().to_lowercase()))
 }
 
 /// The node `cloth`: an animation of the user, or a synthetic one.
@@ -99,10 +111,7 @@ fn mesh_node(mesh: Option<&Path>, crumples: bool) -> String {
         return format!("        \"cloth\": MeshGenerator({scene}, duration: 3.0),");
     };
     let file = copied("assets", path);
-    let times = path
-        .extension()
-        .is_some_and(|e| ["abc", "gltf", "glb"].contains(&&*e.to_string_lossy().to_lowercase()));
-    if times {
+    if is_timed(Some(path)) {
         return format!("        \"cloth\": MeshSequence(path: {file:?}),");
     }
     format!(
@@ -259,14 +268,15 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
         return Ok(Exit::Wrong);
     }
     let own = &args.own;
-    let is_cloth = own.mesh.is_some() || !own.recordings.is_empty();
-    let is_texture = own.image.is_some() || own.contacts.is_some();
-    let by_files = match (is_cloth, is_texture) {
-        (true, _) => Template::Cloth,
-        (_, true) => Template::Texture,
-        _ => Template::Wind,
+    // The first template that uses all files.
+    let order = [Template::Wind, Template::Cloth, Template::Texture, Template::Grains];
+    let by_files = order.into_iter().find(|template| own.unused(*template).is_empty());
+    let Some(template) = args.template.or(by_files) else {
+        tell(
+            "no template uses all of these files: leave some out, and link them in the graph, or choose with --template",
+        );
+        return Ok(Exit::Wrong);
     };
-    let template = args.template.unwrap_or(by_files);
     // The folder may be `.`, and may not exist yet.
     let absolute = std::path::absolute(dir).ok();
     let name =
@@ -285,6 +295,23 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
             let _ = fs::create_dir(dir);
         }
         return Err(error);
+    }
+    let found = Session::from_file(dir.join(format!("{name}.ron"))).check();
+    if found.any_error() {
+        show(&found.diagnostics, &found.sources);
+        tell("these files do not make a project; nothing was made");
+        let _ = fs::remove_dir_all(dir);
+        if existed {
+            let _ = fs::create_dir(dir);
+        }
+        return Ok(Exit::Wrong);
+    }
+    note_lines(found.notes.iter()).iter().try_for_each(|line| writeln!(stdout(), "{line}"))?;
+    if own.mesh.as_deref().and_then(faces_of).is_some() && !is_timed(own.mesh.as_deref()) {
+        writeln!(
+            stdout(),
+            "note: a PC2 does not say how many frames there are in a second: `fps: 30` is a guess, set it in {name}.ron"
+        )?;
     }
     let verb = if template == Template::Live { "live" } else { "run" };
     writeln!(stdout(), "made {shown}; now: cd {shown} && foley {verb} {name}.ron")?;

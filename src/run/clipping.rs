@@ -9,6 +9,9 @@ const PEAK_DB: f64 = -1.0;
 /// Share of the samples beyond full scale up to which a limiter alters little.
 const FEW: f64 = 0.001;
 
+/// Peak below which hardly anything is heard, dB of full scale.
+const SOFT_DB: f64 = -60.0;
+
 /// Samples of a sound.
 #[derive(Clone, Copy, Debug)]
 pub struct Loudness {
@@ -33,6 +36,18 @@ pub fn advice(graph: &Graph, sink: usize, sound: Loudness) -> String {
         String::new()
     };
     format!("its peak is {above:.1} dB above full scale: {lower}{limiter}")
+}
+
+/// Says how to raise a sound of which hardly anything is heard; `None` for silence, which has another reason, and for louder sounds.
+pub fn too_soft(graph: &Graph, sink: usize, peak: f64) -> Option<String> {
+    let level = linear_to_db(peak);
+    if peak <= 0.0 || level >= SOFT_DB {
+        return None;
+    }
+    let raise = level_parameter(graph, sink, PEAK_DB - level);
+    let raise =
+        raise.map(|raise| format!(": {raise}, or look for the node that loses it")).unwrap_or_default();
+    Some(format!("its peak is {level:.1} dB of full scale, of which hardly anything is heard{raise}"))
 }
 
 /// The nearest parameter before a node that sets the level, with its new value.

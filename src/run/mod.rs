@@ -26,7 +26,7 @@ pub use job::{Job, Progress};
 pub use memory_tap::{EventTap, MemoryTap, StreamData, StreamTap, ValueTap};
 pub use output_files::DirOutputs;
 pub use report::{NodeReport, OutputReport, Report};
-pub use silence::{Period, explain as explain_silence};
+pub use silence::{Period, explain as explain_silence, reads_messages};
 pub use stages::{BuildSite, assemble, stage};
 pub use tap::{Tap, TapTarget, check as check_tap, check_memory as check_memory_tap};
 pub use targets::{check as check_targets, check_given};
@@ -75,6 +75,8 @@ pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
         {
             let sound = Loudness { peak, over: over / (frames * channels) };
             report.notes.push((node.id.clone(), clipping::advice(job.graph, n, sound)));
+        } else if let Some(text) = fact("peak").and_then(|peak| clipping::too_soft(job.graph, n, peak)) {
+            report.notes.push((node.id.clone(), text));
         }
     }
     Ok(report)

@@ -27,6 +27,20 @@ pub enum Period {
     Second,
 }
 
+/// Returns true if something that is sent while a graph plays can reach a node.
+pub fn reads_messages(graph: &Graph, id: &str) -> bool {
+    let (mut open, mut seen) = (Vec::from_iter(graph.find(id)), BTreeSet::new());
+    while let Some(n) = open.pop() {
+        if graph.nodes[n].ty.family == "live" {
+            return true;
+        }
+        if seen.insert(n) {
+            open.extend(graph.nodes[n].links.iter().flatten().map(|link| link.node));
+        }
+    }
+    false
+}
+
 /// A graph with what its nodes have given.
 struct Search<'a> {
     graph: &'a Graph,

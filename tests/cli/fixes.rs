@@ -40,7 +40,7 @@ fn rates_that_do_not_meet_name_the_node_that_can_have_the_other() {
     \"noise\": Noise(rate: 48000), \"quiet\": Gain(audio: \"noise\", gain: 0.1),
     \"both\": Mix(inputs: [\"take\", \"quiet\"]),";
     let text = check(nodes);
-    let help = "put Resample(rate: 8000) before `inputs[1]`, or set `rate: 8000` on `noise`";
+    let help = "put Resample(rate: 48000) before `inputs[0]`, or set `rate: 8000` on `noise`";
     assert!(text.contains(help), "{text}");
     // A recording has the rate that it has.
     let text = check(&nodes.replace("[\"take\", \"quiet\"]", "[\"quiet\", \"take\"]"));

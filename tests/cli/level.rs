@@ -42,6 +42,14 @@ fn a_sound_28_times_full_scale_names_a_level_that_does_not_clip() {
 }
 
 #[test]
+fn a_sound_of_which_hardly_anything_is_heard_is_noted() {
+    let (text, peak) = run("WavOut(audio: \"loud\", path: \"o.wav\")", &["loud.gain=0.0005"]);
+    assert!(peak < 0.001 && text.contains("of which hardly anything is heard: set `db: "), "{text}");
+    let (text, _) = run("WavOut(audio: \"loud\", path: \"o.wav\")", &["loud.gain=0.01"]);
+    assert!(!text.contains("hardly"), "{text}");
+}
+
+#[test]
 fn without_a_level_of_one_source_a_gain_is_put_before_the_output() {
     let graph = "WavOut(audio: \"both\", path: \"o.wav\"), \"both\": Mix(inputs: [\"tone\", \"loud\"])";
     let (text, _) = run(graph, &[]);

@@ -139,6 +139,8 @@ fn wrong_files_leave_no_project() {
     for (args, text) in [
         (&["--mesh", "nothing.abc"][..], "nothing.abc is no file"),
         (&["--template", "impact", "--image", &image], "`impact` has no use for --image"),
+        (&["--image", &image, "--recordings", &image], "no template uses all of these files"),
+        (&["--mesh", &image], "these files do not make a project"),
         (&["--recordings", &image, &image], "two files would become recordings/tiles.png"),
     ] {
         let made = foley(dir.path(), &[&["new", "piece"], args].concat());

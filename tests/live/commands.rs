@@ -230,8 +230,7 @@ fn the_log_that_ships_plays_at_its_times_as_standard_input() {
     let lines = std::fs::read_to_string(&log).unwrap().lines().count() as u64;
     let ran = command.stdin(File::open(log).unwrap()).output().unwrap();
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    // The bell is off.
-    assert_eq!(String::from_utf8_lossy(&ran.stderr), "foley: note: bell: silent: `gain` is 0\n");
+    assert!(ran.stderr.is_empty(), "{}", String::from_utf8_lossy(&ran.stderr));
     let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     let messages = &report["messages"];

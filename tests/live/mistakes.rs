@@ -27,8 +27,15 @@ struct Told {
 
 /// Plays the graph while `act` gets the socket of a sender and standard input.
 fn play(arguments: &[&str], act: impl FnOnce(&dyn Fn(&[u8]), &mut dyn Write)) -> Told {
+    play_text(GRAPH, arguments, act)
+}
+
+/// As [`play`], for another graph; `later.csv` has impacts on object 0, and one on object 1 after 3 s.
+fn play_text(graph: &str, arguments: &[&str], act: impl FnOnce(&dyn Fn(&[u8]), &mut dyn Write)) -> Told {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("main.ron"), GRAPH).unwrap();
+    fs::write(folder.path().join("main.ron"), graph).unwrap();
+    let impacts = "time_s,velocity,mass,object\n0.1,1,0.1,0\n0.5,1,0.1,0\n1.5,1,0.1,0\n3,1,0.1,1\n";
+    fs::write(folder.path().join("later.csv"), impacts).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
     command.args(["live", "main.ron", "--no-cache", "--osc", "0", "--device", "null", "--report", "r.json"]);
     command.args(arguments).current_dir(folder.path()).env("NO_COLOR", "1");
@@ -111,6 +118,12 @@ fn a_sound_beyond_full_scale_is_told_with_a_gain_that_would_do() {
         writeln!(lines, "{{\"control\": \"level\", \"values\": [10]}}").unwrap();
         lines.flush().unwrap();
     });
+    assert_eq!(
+        told.err.matches("the sound exceeds full scale: its peak is 20.0 dB").count(),
+        1,
+        "{}",
+        told.err
+    );
     let advice = "beyond full scale: its peak is 20.0 dB above full scale: set `db: -21.0` on `loud` (now 0)";
     assert!(told.out.contains(advice), "{}", told.out);
     assert!((told.report["peak"].as_f64().unwrap() - 10.0).abs() < 1e-3);
@@ -132,6 +145,13 @@ fn a_second_of_silence_with_impacts_of_another_object_is_explained_once() {
     assert_eq!(told.err.matches(note).count(), 1, "{}", told.err);
     assert_eq!(told.err.matches("note:").count(), 1, "{}", told.err);
     assert_eq!(told.report["notes"][0]["node"], "force");
+}
+
+#[test]
+fn what_files_hold_for_later_needs_no_explanation() {
+    let graph = GRAPH.replace("LiveImpacts(channel: \"hits\")", "ImpactFile(path: \"later.csv\")");
+    let told = play_text(&graph, &["--for", "2.5", "--set", "object=1"], |_, _| {});
+    assert!(!told.err.contains("note:"), "{}", told.err);
 }
 
 #[test]

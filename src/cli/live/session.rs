@@ -24,6 +24,8 @@ use std::time::{Duration, Instant};
 const TICK: Duration = Duration::from_millis(3);
 /// Time for which windows are missed before it is reported, s.
 const LONG_GAP: f64 = 0.5;
+/// Time after the first sample beyond full scale at which it is reported, with the peak so far.
+const SETTLE_LEVEL: Duration = Duration::from_millis(300);
 /// Interval between two attempts to reopen a device.
 const AGAIN: Duration = Duration::from_secs(2);
 
@@ -68,8 +70,12 @@ pub(super) struct Session<'a> {
     pub(super) over: bool,
     /// Windows that are reported as missing in the recording.
     pub(super) lost_windows: u64,
-    /// True if it is reported that the sound is too loud.
-    pub(super) loud: bool,
+    /// When the sound exceeded full scale first.
+    pub(super) loud: Option<Instant>,
+    /// True if that is reported.
+    pub(super) exceeded: bool,
+    /// True if it is reported that the sound is cut.
+    pub(super) cut: bool,
     /// Notes of nodes that are reported.
     pub(super) noted: HashSet<(String, String)>,
     /// Nodes of which it is reported why they give nothing, since the last load.
@@ -350,14 +356,20 @@ impl Session<'_> {
         }
     }
 
-    /// Reports once that the sound is louder than the device plays.
+    /// Reports once that the sound exceeds full scale, and once that it is cut at the ceiling of the device.
     fn report_loudness(&mut self) {
         let meter = &self.player.shared().meter;
         let card = matches!(Device::parse(self.settings.device.device.as_deref()), Device::Card(_));
         let (ceiling, what) = if card { (1.0, "full scale") } else { (CEILING, "120 dB over full scale") };
-        if !self.loud && (meter.loudest() > ceiling || meter.cut.load(Relaxed) > 0) {
-            self.loud = true;
+        if !self.cut && (meter.loudest() > ceiling || meter.cut.load(Relaxed) > 0) {
+            (self.cut, self.loud) = (true, self.loud.or_else(|| Some(Instant::now())));
             tell(format_args!("the sound is louder than {what}, and is cut there: {}", self.advice()));
+        } else if self.loud.is_none() && meter.loudest() > 1.0 {
+            self.loud = Some(Instant::now());
+        } else if !self.cut && !self.exceeded && self.loud.is_some_and(|at| at.elapsed() >= SETTLE_LEVEL) {
+            // The peak of the first sound is known by now.
+            self.exceeded = true;
+            tell(format_args!("the sound exceeds full scale: {}", self.advice()));
         }
     }
 

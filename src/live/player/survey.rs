@@ -3,13 +3,16 @@
 use super::{Player, PlayerEvent};
 use crate::live::playback::callback::{Command, RegionSurvey};
 use crate::plan::Runnable;
-use crate::run::{NodeReport, Period, explain_silence};
+use crate::run::{NodeReport, Period, explain_silence, reads_messages};
 use foley_nodes::core::silence::Silence;
 use foley_nodes::core::stage::Survey;
 use std::sync::atomic::Ordering::Relaxed;
 
 /// Time of silence from which on the activity of nodes is recorded, and for which it is, s.
 const HALF: f64 = 0.5;
+
+/// Time of silence from which on nodes are reported that no message reaches, s: what files hold for them may come later.
+const PATIENCE: f64 = 5.0;
 
 /// Surveys of the nodes while nothing is heard: the first begins to record their activity, and the others return it.
 #[derive(Default)]
@@ -69,7 +72,12 @@ impl Player {
         if self.surveys.answers.len() == self.playing.plan.regions.len() {
             let answers = std::mem::take(&mut self.surveys.answers);
             // The first request begins to record.
-            let notes = if self.surveys.requests > 1 { self.silent_nodes(&answers) } else { Vec::new() };
+            let mut notes = if self.surveys.requests > 1 { self.silent_nodes(&answers) } else { Vec::new() };
+            if window < heard + windows(PATIENCE)
+                && let Some(graph) = self.graph()
+            {
+                notes.retain(|(node, _)| reads_messages(graph, node));
+            }
             if !notes.is_empty() {
                 self.events.push(PlayerEvent::Silent(notes));
             }

@@ -160,7 +160,12 @@ fn same_rate(rate: Rate, k: usize, other: &Incoming<Mesh>) -> Result<(), Reject>
         ),
     )
     .at(format!("others[{k}]"))
-    .help(format!("set `fps: {}` on the node that gives it", text(rate))))
+    .help(format!(
+        "set `fps: {}` on the node that gives it if its file states its times, as Alembic, glTF and MDD do, or `fps: {}` on that of `mesh` if that file does; \
+         a PC2 and a sequence of OBJs play at the speed that `fps` gives: leave them at their own",
+        text(rate),
+        text(other.rate)
+    )))
 }
 
 impl Node for ContactDetector {

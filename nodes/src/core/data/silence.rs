@@ -88,7 +88,11 @@ impl Display for Silence {
                     (None, Some(b)) => write!(f, "no contact of {b} as the second body"),
                     (None, None) => write!(f, "no contact"),
                 }?;
-                write!(f, "; there are {}", pairs(others))
+                write!(f, "; there are {}", pairs(others))?;
+                match (a, b) {
+                    (Some(a), Some(b)) if a > b => write!(f, "; the smaller number is `a`"),
+                    _ => Ok(()),
+                }
             }
             Self::NoBody { object, others } => {
                 write!(f, "no contact is of {object}; there are {}", pairs(others))
@@ -131,6 +135,10 @@ mod tests {
             (
                 Silence::NoPair { a: Some(2), b: Some(99), others },
                 "no contact between 2 and 99; there are 1-2, 2-3",
+            ),
+            (
+                Silence::NoPair { a: Some(3), b: Some(2), others },
+                "no contact between 3 and 2; there are 1-2, 2-3; the smaller number is `a`",
             ),
             (
                 Silence::NoPair { a: None, b: Some(9), others },

@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 
 /// Maximum number of different keys that are remembered.
-const MOST: usize = 8;
+const MOST: usize = 16;
 
-/// The first 8 different keys of the items that a filter has refused, such as numbers of objects.
+/// The first 16 different keys of the items that a filter has refused, such as numbers of objects.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Unmatched<K> {
     keys: [Option<K>; MOST],
@@ -55,7 +55,10 @@ mod tests {
         assert!(all.is_empty());
         [4, 1, 4].into_iter().for_each(|key| all.add(key));
         assert_eq!(all.list(|key| key), "4, 1");
-        (10..20).for_each(|key| all.add(key));
-        assert_eq!(all.list(|key| key), "4, 1, 10, 11, 12, 13, 14, 15 and more");
+        (10..30).for_each(|key| all.add(key));
+        assert_eq!(
+            all.list(|key| key),
+            "4, 1, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23 and more"
+        );
     }
 }

@@ -255,10 +255,15 @@ pub fn same_rate(field: &str, found: Rate, other: &str, wanted: Rate) -> Result<
         return Ok(());
     }
     let message = format!("`{field}` runs at {found}, {other} at {wanted}");
+    // The slower one of two inputs has nothing to lose.
+    let (rate, at) = match other.starts_with('`') && wanted.as_f64() < found.as_f64() {
+        true => (found, other.to_owned()),
+        false => (wanted, format!("`{field}`")),
+    };
     Err(Reject::new("F045", message)
         .at(field)
         .rate(wanted)
-        .help(format!("put Resample(rate: {wanted}) before `{field}`").replace(" Hz", "")))
+        .help(format!("put Resample(rate: {rate}) before {at}").replace(" Hz", "")))
 }
 
 /// Refuses audio of another channel count than another input.

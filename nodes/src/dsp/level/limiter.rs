@@ -111,14 +111,14 @@ impl PeakLimiter {
         let (mut first, mut seen) = (0, 0);
         let frames = around.chunks_exact(channels).zip(out.chunks_exact_mut(channels));
         for (k, (frame, out)) in frames.enumerate() {
-            for j in seen..self.allowed.len().min(k + self.ahead + 1) {
+            while seen < self.allowed.len().min(k + self.ahead + 1) {
                 while self.minima.len() > first
-                    && self.minima.last().is_some_and(|&last| self.allowed[last] >= self.allowed[j])
+                    && self.minima.last().is_some_and(|&last| self.allowed[last] >= self.allowed[seen])
                 {
                     self.minima.pop();
                 }
-                self.minima.push(j);
-                seen = j + 1;
+                self.minima.push(seen);
+                seen += 1;
             }
             first += usize::from(self.minima[first] < k);
             let gain = self.smooth(self.allowed[self.minima[first]]) as f32;
@@ -264,7 +264,7 @@ mod tests {
     /// The definition: for each frame the minimum ahead, the recovery, and the mean, each by itself.
     #[test]
     fn the_gain_is_the_mean_of_the_minima_ahead() {
-        let (ahead, release) = (7, 20.0);
+        let (ahead, release) = (7, 20.0_f64);
         let mut rng = Rng::new(3);
         let audio: Vec<f32> = (0..400).map(|_| rng.between(-2.0, 2.0).powi(3) as f32).collect();
         let allowed: Vec<f64> = audio.iter().map(|x| (0.5 / f64::from(x.abs())).min(1.0)).collect();
@@ -273,7 +273,7 @@ mod tests {
         for k in 0..audio.len() {
             let end = (k + ahead + 1).min(audio.len());
             let smallest = allowed[k..end].iter().copied().fold(1.0, f64::min);
-            gain = smallest.min(gain + (1.0 - gain) * (1.0 - (-1.0 / release as f64).exp()));
+            gain = smallest.min(gain + (1.0 - gain) * (1.0 - (-1.0 / release).exp()));
             gains.push(gain);
         }
         let out = limit(params(0.007), 1, audio.clone());

@@ -31,6 +31,66 @@ struct Exact<const P: usize> {
     search: Search,
     window: Vec<[f64; P]>,
     history: History,
+    costs: Costs,
+}
+
+/// An order in which units are examined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Order {
+    /// By the distance of the means of the windows, which bounds the distance of the windows.
+    Bound,
+    /// By their own distance, which `d_max` limits.
+    Distance,
+}
+
+/// Nodes and points that a search of little promise looks at before the other order has its turn.
+const FIRST_TRY: f64 = 64.0;
+
+/// Nodes and points of the first look for the nearest unit.
+const FIRST_LOOK: usize = 64;
+
+/// Recent costs of a search in each order, in nodes and points. They decide which one is tried first, and never what is found.
+#[derive(Clone, Copy, Debug)]
+struct Costs {
+    bound: f64,
+    distance: f64,
+}
+
+impl Costs {
+    fn of(&mut self, order: Order) -> &mut f64 {
+        match order {
+            Order::Bound => &mut self.bound,
+            Order::Distance => &mut self.distance,
+        }
+    }
+
+    /// The order that has been cheaper, and the cost within which it should end.
+    fn first(&self) -> (Order, usize) {
+        let order = if self.bound <= self.distance { Order::Bound } else { Order::Distance };
+        (order, (2.0 * self.bound.min(self.distance) + FIRST_TRY) as usize)
+    }
+
+    /// Records that a search in an order has ended at a cost. The other order is tried again when it has not been for a while.
+    fn ended(&mut self, order: Order, cost: usize) {
+        let recent = self.of(order);
+        *recent += 0.1 * (cost as f64 - *recent);
+        *self.of(order.other()) *= 0.99;
+    }
+
+    /// Records that a search in an order costs more than this.
+    fn exceeds(&mut self, order: Order, cost: usize) {
+        let recent = self.of(order);
+        *recent = recent.max(cost as f64);
+    }
+}
+
+impl Order {
+    fn other(self) -> Self {
+        match self {
+            Self::Bound => Self::Distance,
+            Self::Distance => Self::Bound,
+        }
+    }
 }
 
 /// Number of nearest units that are examined before those of a low bound.
@@ -70,6 +130,7 @@ impl<const P: usize> Exact<P> {
             history: History::new(index.features.len(), params.cool_off, params.loop_guard),
             window: Vec::with_capacity(params.look + 1),
             search: Search::default(),
+            costs: Costs { bound: 0.0, distance: 0.0 },
             index,
             params,
         }
@@ -136,12 +197,13 @@ impl<const P: usize> Exact<P> {
             state.best = self.better(j, None, &state);
         }
         let mut scratch = std::mem::take(&mut self.search);
-        let all = state.best.is_none() && self.seed(&mut state, &mut scratch);
-        // Nothing is better than no distance at all: it continues the run, or is the first such unit that the seeds met. In silence, where
-        // thousands of units are alike, their bounds alone would not rule out one of them.
-        let perfect = state.best.is_some_and(|best| best.choice.d2 == 0.0);
-        if !all && !perfect {
-            self.by_bound(&mut state, &mut scratch);
+        // Nothing is better than no distance at all.
+        if state.best.is_none_or(|best| best.choice.d2 > 0.0) {
+            // With a limit of the effort, the order in which units are seen decides which of them are.
+            match self.params.effort {
+                Some(_) => self.by_seeds_and_bound(&mut state, &mut scratch),
+                None => self.by_cheaper_order(&mut state, &mut scratch),
+            }
         }
         self.search = scratch;
         state.best.map(|found| found.choice)
@@ -159,6 +221,55 @@ impl<const P: usize> Exact<P> {
             if all { within } else { -1.0 }
         });
         all
+    }
+
+    /// Examines units in the order that has less to look at. Which one that is shows only on the way: both are tried in turn, with limits that grow, so
+    /// that no search costs much more than the cheaper one.
+    fn by_cheaper_order(&mut self, state: &mut SearchState<P>, scratch: &mut Search) {
+        let (mut order, mut limit) = self.costs.first();
+        let first = order;
+        loop {
+            scratch.left = Some(limit);
+            match order {
+                Order::Bound => self.by_seeds_and_bound(state, scratch),
+                Order::Distance => self.by_distance(state, scratch),
+            }
+            let left = scratch.left.take().unwrap_or(0);
+            if left > 0 {
+                return self.costs.ended(order, limit - left);
+            }
+            self.costs.exceeds(order, limit);
+            order = order.other();
+            if order == first {
+                limit *= 4;
+            }
+        }
+    }
+
+    /// Examines the nearest units if none is known, and then units until no bound is low enough.
+    fn by_seeds_and_bound(&self, state: &mut SearchState<P>, scratch: &mut Search) {
+        if state.best.is_none() {
+            let all = self.seed(state, scratch);
+            // The first unit without a distance that the seeds met is the one to choose. In silence, where thousands of units are alike, their
+            // bounds alone would not rule out one of them.
+            if all || state.best.is_some_and(|best| best.choice.d2 == 0.0) {
+                return;
+            }
+        }
+        self.by_bound(state, scratch);
+    }
+
+    /// Examines units within `d_max` until none is near enough: the window contains the unit, and is no nearer.
+    fn by_distance(&self, state: &mut SearchState<P>, scratch: &mut Search) {
+        let d_max = self.params.d_max;
+        let radius = |best: &Option<Candidate>| {
+            let d2 = best.as_ref().map_or(f64::INFINITY, |best| best.choice.d2);
+            (d_max.min(d2) * (1.0 + 1e-9)).powi(2)
+        };
+        self.index.by_features.within(self.present(), radius(&state.best), scratch, |_, label| {
+            state.best = self.better(label as usize, None, state).or(state.best);
+            radius(&state.best)
+        });
     }
 
     /// Examines units until no bound is low enough.
@@ -194,9 +305,20 @@ impl<const P: usize> Exact<P> {
         let free = |j: usize| least_recent == Some(j) || !self.history.barred(j);
         let mut found: Option<(f64, u32)> = None;
         let mut search = std::mem::take(&mut self.search);
-        self.index.by_features.nearest(&present, f64::INFINITY, &mut search, |distance, label| {
+        // A first look limits the search in order, which has to queue all that is as near.
+        let (left, mut limit) = (search.left, f64::INFINITY);
+        let first_look = left.map_or(FIRST_LOOK, |left| left.min(FIRST_LOOK));
+        search.left = Some(first_look);
+        self.index.by_features.within(&present, limit, &mut search, |distance, label| {
+            if distance < limit && free(label as usize) {
+                limit = distance;
+            }
+            limit
+        });
+        search.left = left.map(|left| left - (first_look - search.left.unwrap_or(0)));
+        self.index.by_features.nearest(&present, limit, &mut search, |distance, label| {
             found = free(label as usize).then_some((distance, label));
-            if found.is_some() { -1.0 } else { f64::INFINITY }
+            if found.is_some() { -1.0 } else { limit }
         });
         // Among equally near ones, the one that follows the last pick.
         if let Some(next) = self.continuation().filter(|next| free(*next)) {
