@@ -19,7 +19,8 @@
 //! let conventions = FeatureConventions::cloth(Rate::hz(48_000), 600);
 //! let mut cepstrum = MelCepstrum::new(&conventions, 1e-10);
 //! let mut features = vec![0.0; conventions.dims()];
-//! for frame in sound.chunks_exact(cepstrum.frame()) {
+//! // A frame is longer than a unit.
+//! for frame in sound.windows(cepstrum.frame()).step_by(600) {
 //!     cepstrum.process(frame, &mut features);
 //! }
 //! ```
@@ -39,7 +40,11 @@
 //!     assert!(ring.add(seconds * 44_100.0, 0, newton_seconds, 0.001, PulseShape::Cosine));
 //! }
 //! ring.read(&mut force);
+//! // A force in N; the bank takes the impulse of each sample, in N s.
+//! force.iter_mut().for_each(|x| *x /= 44_100.0);
 //! Bank::new(&bell, 44_100.0, BankOutput::Acceleration)?.process(&force, &mut sound);
+//! let peak = sound.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
+//! assert!((0.01..0.1).contains(&peak));
 //! # Ok::<(), foley_nodes::modal::ModesError>(())
 //! ```
 #![forbid(unsafe_code)]

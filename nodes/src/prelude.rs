@@ -24,8 +24,8 @@ pub mod node {
 pub mod audio {
     pub use crate::core::time::Rate;
     pub use crate::dsp::{
-        Band, Biquad, Butterworth, Cascade, Delay, Fade, FadeLaw, FractionalDelay, LevelMeter, Pan, Quality,
-        Resampler, db_to_linear, linear_to_db,
+        Band, Biquad, Butterworth, Cascade, Delay, Fade, FadeLaw, FractionalDelay, LevelMeter, Pan,
+        PeakLimiter, Quality, Resampler, db_to_linear, linear_to_db,
     };
     pub use crate::io::{AudioError, AudioReader, AudioWriter, WriteFormat, WriteSpec, probe};
 }

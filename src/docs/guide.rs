@@ -21,6 +21,7 @@ pub const GUIDE: &[(&str, &str)] = &[
     ("scraping", include_str!("../../docs/src/scraping.md")),
     ("grains", include_str!("../../docs/src/grains.md")),
     ("numbers", include_str!("../../docs/src/numbers.md")),
+    ("mixing", include_str!("../../docs/src/mixing.md")),
     ("levels", include_str!("../../docs/src/levels.md")),
     ("writing-a-node", include_str!("../../docs/src/writing-a-node.md")),
     ("library", include_str!("../../docs/src/library.md")),

@@ -103,24 +103,6 @@ pub fn possible(node: usize, level: Level) -> impl Iterator<Item = Trial> {
     (0..TRIES).filter_map(move |number| Trial::new(node, number, level).ok())
 }
 
-/// Returns trials that a node accepts and that do not depend on its position in the registry.
-///
-/// # Panics
-/// If the node accepts too few trials.
-pub fn accepted_by_name(node: usize, wanted: usize) -> Vec<Trial> {
-    let name = all()[node].name;
-    // FNV-1a, which is the same on all machines.
-    let seed = name
-        .bytes()
-        .fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
-    let trials = (0..TRIES).filter_map(|number| {
-        Trial::drawn(node, number, Level::Random, Rng::new(seed.wrapping_add(number))).ok()
-    });
-    let trials: Vec<Trial> = trials.take(wanted).collect();
-    assert_eq!(trials.len(), wanted, "`{name}` accepts too few of {TRIES} trials");
-    trials
-}
-
 fn audio(rng: &mut Rng, rate: Rate, channels: Channels, items: i64, level: Level) -> Feed {
     let count = items as usize * usize::from(channels.0);
     Feed::stream::<f32>(rate, channels, (0..count).map(|_| level.sample(rng)).collect())
@@ -151,7 +133,11 @@ fn stream(rng: &mut Rng, item: &ItemType, rate: Rate, like: Option<&Feed>, level
 
 impl Trial {
     fn new(node: usize, number: u64, level: Level) -> Result<Self, String> {
-        Self::drawn(node, number, level, Rng::new(number.wrapping_mul(1000) + node as u64))
+        // FNV-1a of the name, which is the same on all machines: a new node changes no trial of the others.
+        let name = all()[node].name.bytes();
+        let seed =
+            name.fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
+        Self::drawn(node, number, level, Rng::new(seed.wrapping_add(number)))
     }
 
     fn drawn(node: usize, number: u64, level: Level, mut rng: Rng) -> Result<Self, String> {

@@ -9,7 +9,7 @@
 //! FOLEY_GOLDEN=write cargo test -p foley-nodes --test suite golden
 //! ```
 
-use crate::trial::{Trial, accepted_by_name};
+use crate::trial::{Level, Trial, accepted};
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::standalone::StandaloneRun;
 use foley_nodes::registry::all;
@@ -135,7 +135,7 @@ type Rows = BTreeMap<(String, u32, usize, String), Digest>;
 fn rows_of(node: usize) -> Rows {
     let ty = &all()[node];
     let mut rows = Rows::new();
-    for (number, trial) in accepted_by_name(node, TRIALS).iter().enumerate() {
+    for (number, trial) in accepted(node, Level::Random, TRIALS).iter().enumerate() {
         let mut add = |what: &str, numbers: &[f64]| {
             let key = (ty.name.to_owned(), ty.version, number, what.to_owned());
             rows.insert(key, Digest::of(numbers));

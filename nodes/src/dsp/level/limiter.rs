@@ -48,6 +48,19 @@ const NEGLIGIBLE: f64 = 1e-6;
 
 /// A peak limiter that looks ahead.
 ///
+/// ```
+/// use foley_nodes::dsp::PeakLimiter;
+///
+/// // 5 ms ahead, a ceiling of half of full scale, and 100 ms of release at 48 kHz.
+/// let sound: Vec<f32> = (0..4800).map(|k| (0.1 * k as f32).sin()).collect();
+/// let mut limiter = PeakLimiter::new(240, sound.len(), 0.5, 4800.0);
+/// // What lies ahead of the end is silence.
+/// let around = [&sound[..], &[0.0; 240]].concat();
+/// let mut limited = vec![0.0; sound.len()];
+/// limiter.process(&around, 1, &mut limited);
+/// assert!(limited.iter().all(|x| x.abs() <= 0.5));
+/// ```
+///
 /// # Complexity
 /// Constant time a frame on average. Nothing is allocated while windows have at most the length it was made for.
 #[derive(Debug)]
@@ -76,13 +89,14 @@ pub struct PeakLimiter {
 impl_state!(PeakLimiter { gain, recent, next, sum, reduced, smallest });
 
 impl PeakLimiter {
-    /// A limiter that looks `ahead` frames ahead, for windows of up to `window` frames.
+    /// A limiter that looks `ahead` frames ahead, for windows of up to `window` frames, with a ceiling as a magnitude from 0 on (1 is full
+    /// scale). The gain returns to within 1/e of 1 in `release_frames`.
     #[must_use]
     pub fn new(ahead: usize, window: usize, ceiling: f64, release_frames: f64) -> Self {
         let frames = ahead + 1;
         Self {
             ahead,
-            ceiling,
+            ceiling: ceiling.max(0.0),
             recovery: recovery(release_frames),
             gain: 1.0,
             recent: vec![1.0; frames],
@@ -98,7 +112,7 @@ impl PeakLimiter {
     /// Limits a window.
     ///
     /// # Shapes
-    /// `around`: `[len + ahead, channels]`; `out`: `[len, channels]`.
+    /// `around`: `[len + ahead, channels]`, the window and what follows it, zeros after the end; `out`: `[len, channels]`.
     pub fn process(&mut self, around: &[f32], channels: usize, out: &mut [f32]) {
         let ceiling = self.ceiling;
         let allowed = around.chunks_exact(channels).map(|frame| {

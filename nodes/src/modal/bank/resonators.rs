@@ -311,7 +311,8 @@ impl Bank {
         }
     }
 
-    /// The forces of the next block at a contact point, to be written; empty if the point does not exist.
+    /// The forces of the next block at a contact point, to be written; empty if the point does not exist. Each is the impulse of its sample
+    /// in N s: a force in N over the sample rate.
     pub fn force(&mut self, point: usize) -> &mut [f32] {
         self.forces.get_mut(point).map_or(&mut [], |force| force.as_mut_slice())
     }
@@ -355,7 +356,7 @@ impl Bank {
         self.phase = (self.phase + n) % GRID;
     }
 
-    /// Computes samples under a force at contact point 0.
+    /// Computes samples under a force at contact point 0, given as the impulse of each sample in N s: a force in N over the sample rate.
     pub fn process(&mut self, force: &[f32], out: &mut [f32]) {
         let (mut force, mut out) = (force, out);
         while !out.is_empty() {

@@ -92,7 +92,7 @@ impl ForceRing {
         stop <= frames
     }
 
-    /// Reads the next samples, interleaved by contact point, into `out`.
+    /// Reads the forces of the next samples in N, interleaved by contact point, into `out`.
     pub fn read(&mut self, out: &mut [f32]) {
         let (frames, points) = (self.ring.len() / self.points, self.points);
         let mut out = out;
