@@ -109,6 +109,8 @@ struct Stand {
     /// Calls of the allocator in the callback.
     calls: u64,
     blocks: u64,
+    /// Nodes of which the player has said why they give nothing.
+    silent: Vec<String>,
 }
 
 impl Stand {
@@ -116,7 +118,7 @@ impl Stand {
         let options = Options { threads: 0, metered: true, ahead: 0.02, ..Options::default() };
         let (player, callback) = Player::start(material(text), options).unwrap();
         let block = vec![0.0; 128 * callback.channels()];
-        Self { player, callback, block, calls: 0, blocks: 0 }
+        Self { player, callback, block, calls: 0, blocks: 0, silent: Vec::new() }
     }
 
     fn play(&mut self, blocks: usize) {
@@ -138,6 +140,9 @@ impl Stand {
         self.blocks += 1;
         for reported in self.player.tick() {
             assert!(!matches!(reported, PlayerEvent::Failed(_)), "{reported:?}");
+            if let PlayerEvent::Silent(notes) = reported {
+                self.silent.extend(notes.into_iter().map(|(node, _)| node));
+            }
         }
     }
 
@@ -161,6 +166,21 @@ fn ten_thousand_blocks_with_two_hundred_edits_never_call_the_allocator() {
     assert_eq!(stand.calls, 0, "calls of the allocator in {} blocks", stand.blocks);
     assert_eq!(stand.player.shared().meter.missed.load(Relaxed), 0);
     assert_eq!(stand.player.shared().meter.not_finite.load(Relaxed), 0);
+}
+
+#[test]
+fn to_find_out_why_nothing_is_heard_never_calls_the_allocator() {
+    let mut stand = Stand::new(
+        "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
+        \"beats\": Metronome(interval: 0.1),
+        \"clicks\": Impulses(events: \"beats\", rate: 44100),
+        \"muted\": Gain(audio: \"clicks\", gain: 0.0),
+        \"out\": WavOut(audio: \"muted\", path: \"o.wav\") })",
+    );
+    // Seven seconds: no message reaches the nodes, so that they have five.
+    stand.play(2400);
+    assert!(stand.silent.iter().any(|node| node == "muted"), "{:?}", stand.silent);
+    assert_eq!(stand.calls, 0);
 }
 
 #[test]

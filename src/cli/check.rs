@@ -23,8 +23,8 @@ pub fn check(args: &CheckArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
         if args.json {
             let Value::Array(items) = diag::json(&found.diagnostics, &found.sources) else { continue };
             all.extend(items);
-            let note = |(node, text)| json!({ "severity": "note", "node": node, "message": text });
-            all.extend(found.notes.iter().map(|(node, text)| note((node, text))));
+            let note = |(node, text): &(String, String)| json!({ "severity": "note", "node": node, "message": text });
+            all.extend(found.notes.iter().map(note));
         } else {
             show(&found.diagnostics, &found.sources);
             note_lines(found.notes.iter()).iter().try_for_each(|line| writeln!(stdout(), "{line}"))?;

@@ -80,9 +80,7 @@ fn recordings(template: Template) -> Vec<(String, Content)> {
 /// The node `mesh`: the shape of an object, of the user or that comes with the program.
 fn shape_node(mesh: Option<&Path>) -> String {
     let file = mesh.map_or_else(|| "bar.mesh".to_owned(), |path| copied("assets", path));
-    let surface = mesh
-        .and_then(Path::extension)
-        .is_some_and(|e| ["obj", "stl", "ply"].contains(&&*e.to_string_lossy().to_lowercase()));
+    let surface = has_extension(mesh, &["obj", "stl", "ply"]);
     if surface {
         let comment =
             "// Metres: `scale: 0.001` for a shape in millimetres. More cells are more exact, and slower.";
@@ -94,9 +92,14 @@ fn shape_node(mesh: Option<&Path>) -> String {
 }
 
 /// Returns true for an animation in a format that states its times.
-fn is_timed(mesh: Option<&Path>) -> bool {
-    let extension = mesh.and_then(Path::extension);
-    extension.is_some_and(|e| ["abc", "gltf", "glb", "mdd"].contains(&&*e.to_string_lossy().to_lowercase()))
+fn is_timed(mesh: &Path) -> bool {
+    has_extension(Some(mesh), &["abc", "gltf", "glb", "mdd"])
+}
+
+/// Returns true for a file with one of these extensions, in any case.
+fn has_extension(file: Option<&Path>, extensions: &[&str]) -> bool {
+    let extension = file.and_then(Path::extension);
+    extension.is_some_and(|found| extensions.iter().any(|wanted| found.eq_ignore_ascii_case(wanted)))
 }
 
 /// The node `cloth`: an animation of the user, or a synthetic one.
@@ -111,7 +114,7 @@ fn mesh_node(mesh: Option<&Path>, crumples: bool) -> String {
         return format!("        \"cloth\": MeshGenerator({scene}, duration: 3.0),");
     };
     let file = copied("assets", path);
-    if is_timed(Some(path)) {
+    if is_timed(path) {
         return format!("        \"cloth\": MeshSequence(path: {file:?}),");
     }
     format!(
@@ -122,8 +125,7 @@ fn mesh_node(mesh: Option<&Path>, crumples: bool) -> String {
 
 /// An OBJ with the faces of a point cache lies beside it under the same name.
 fn faces_of(mesh: &Path) -> Option<PathBuf> {
-    let cache =
-        mesh.extension().is_some_and(|e| e.eq_ignore_ascii_case("pc2") || e.eq_ignore_ascii_case("mdd"));
+    let cache = has_extension(Some(mesh), &["pc2", "mdd"]);
     Some(mesh.with_extension("obj")).filter(|path| cache && path.is_file())
 }
 
@@ -307,7 +309,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
         return Ok(Exit::Wrong);
     }
     note_lines(found.notes.iter()).iter().try_for_each(|line| writeln!(stdout(), "{line}"))?;
-    if own.mesh.as_deref().and_then(faces_of).is_some() && !is_timed(own.mesh.as_deref()) {
+    if template == Template::Cloth && has_extension(own.mesh.as_deref(), &["pc2"]) {
         writeln!(
             stdout(),
             "note: a PC2 does not say how many frames there are in a second: `fps: 30` is a guess, set it in {name}.ron"

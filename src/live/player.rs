@@ -14,7 +14,7 @@ use super::reload::state_transfer::{OutputPairs, locate};
 use super::reload::transition::transition;
 use crate::diag::Diagnostic;
 use crate::graph::Graph;
-use crate::plan::{Continuation, Draft, LivePlan, Runnable, SinkContinuation};
+use crate::plan::{Continuation, Draft, LivePlan, Runnable, SinkContinuation, shape_notes};
 use foley_nodes::core::fault::Fault;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -216,8 +216,7 @@ impl Player {
     #[must_use]
     pub fn notes(&self) -> Vec<(String, String)> {
         let Some(prepared) = &self.playing.prepared else { return Vec::new() };
-        let nodes = prepared.source.graph.nodes.iter().zip(&prepared.draft.prelude.shapes);
-        nodes.flat_map(|(n, shape)| shape.notes.iter().map(|note| (n.id.clone(), note.clone()))).collect()
+        shape_notes(&prepared.source.graph, &prepared.draft.prelude.shapes)
     }
 
     /// Returns the times of the nodes, if they are measured.
@@ -254,7 +253,6 @@ impl Player {
         if self.is_busy() {
             return Err(vec![Diagnostic::general("F091", "the transition before is not over")]);
         }
-        self.surveys.begin_again();
         let next = PreparedGraph::new(graph)?;
         if next.draft.rate != self.timing.rate {
             let (found, expected) = (next.draft.rate, self.timing.rate);

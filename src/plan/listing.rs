@@ -4,6 +4,7 @@ use super::delays::Cause;
 use super::memory::{bytes_by_output, format_bytes};
 use super::offline_plan::Plan;
 use super::region::Runnable;
+use super::shapes::shape_notes;
 use crate::graph::Graph;
 use foley_nodes::core::time::{Tick, seconds};
 use serde_json::{Value, json};
@@ -16,8 +17,7 @@ impl Plan {
     /// What nodes note about their files: the id of each, and a text.
     #[must_use]
     pub fn notes(&self, graph: &Graph) -> Vec<(String, String)> {
-        let nodes = graph.nodes.iter().zip(&self.shapes);
-        nodes.flat_map(|(n, shape)| shape.notes.iter().map(|note| (n.id.clone(), note.clone()))).collect()
+        shape_notes(graph, &self.shapes)
     }
 
     /// Returns the bytes of the buffers of each output, largest first: node, port, bytes.

@@ -22,4 +22,5 @@ pub use offline_plan::{Phase, Plan, faults};
 pub use options::{PlanOptions, WINDOW};
 pub use partition::runs_on_worker;
 pub use region::{BufferPlan, DEPTH, Export, Import, PlanInput, PlanNode, PlanOutput, Region, Runnable};
+pub use shapes::shape_notes;
 pub use wiring::TapPlan;

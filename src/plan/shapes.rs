@@ -148,6 +148,13 @@ fn check_loops(graph: &Graph, shapes: &[NodeShape], failed: &[bool]) -> Vec<Diag
     errors
 }
 
+/// What nodes note about their files: the id of each, and a text.
+#[must_use]
+pub fn shape_notes(graph: &Graph, shapes: &[NodeShape]) -> Vec<(String, String)> {
+    let nodes = graph.nodes.iter().zip(shapes);
+    nodes.flat_map(|(n, shape)| shape.notes.iter().map(|note| (n.id.clone(), note.clone()))).collect()
+}
+
 /// Ends every stream at `until` at the latest.
 pub fn truncate(shapes: &mut [NodeShape], until: Tick) {
     for shape in shapes {

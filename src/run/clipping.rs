@@ -1,8 +1,11 @@
 //! How to lower a sound that exceeds full scale.
 
+use super::report::NodeReport;
 use crate::graph::Graph;
 use foley_nodes::core::params::Datum;
+use foley_nodes::core::ports::PortKind;
 use foley_nodes::dsp::{db_to_linear, linear_to_db};
+use serde_json::Value;
 
 /// Peak to aim at, dB of full scale.
 const PEAK_DB: f64 = -1.0;
@@ -19,6 +22,26 @@ pub struct Loudness {
     pub peak: f64,
     /// Share of the samples that exceed full scale.
     pub over: f64,
+}
+
+/// Returns notes on the files of a run that clip, or of which hardly anything is heard: each of a node and a text.
+///
+/// A file of floats holds what it gets, such as a force in N.
+pub fn notes(graph: &Graph, reports: &[NodeReport]) -> Vec<(String, String)> {
+    let is_float = |(name, datum): &(&str, Datum)| {
+        *name == "format" && matches!(datum, Datum::Name(format) if format == "Float32")
+    };
+    let note = |(n, node): (usize, &NodeReport)| {
+        let fact = |key: &str| node.summary.get(key).and_then(Value::as_f64);
+        let (peak, over, samples) = (fact("peak")?, fact("clipped")?, fact("frames")? * fact("channels")?);
+        let text = if over > 0.0 {
+            Some(advice(graph, n, Loudness { peak, over: over / samples }))
+        } else {
+            too_soft(graph, n, peak)
+        };
+        Some((node.id.clone(), text.filter(|_| !graph.nodes[n].params.write().iter().any(is_float))?))
+    };
+    reports.iter().enumerate().filter(|(_, node)| node.sink).filter_map(note).collect()
 }
 
 /// Says how to lower the sound that a node without outputs, such as `WavOut`, gets, so that its peak is -1 dB of full scale.
@@ -39,7 +62,7 @@ pub fn advice(graph: &Graph, sink: usize, sound: Loudness) -> String {
 }
 
 /// Says how to raise a sound of which hardly anything is heard; `None` for silence, which has another reason, and for louder sounds.
-pub fn too_soft(graph: &Graph, sink: usize, peak: f64) -> Option<String> {
+fn too_soft(graph: &Graph, sink: usize, peak: f64) -> Option<String> {
     let level = linear_to_db(peak);
     if peak <= 0.0 || level >= SOFT_DB {
         return None;
@@ -58,7 +81,7 @@ fn level_parameter(graph: &Graph, sink: usize, change: f64) -> Option<String> {
         let inputs = &graph.nodes[at].links;
         let mut links = inputs.iter().flatten().filter(|link| {
             let port = &graph.nodes[link.node].ty.outputs[link.port];
-            matches!(port.kind, foley_nodes::core::ports::PortKind::Stream(_))
+            matches!(port.kind, PortKind::Stream(_))
         });
         let link = links.next().filter(|_| links.next().is_none())?;
         at = link.node;

@@ -35,7 +35,6 @@ use crate::diag::Diagnostic;
 use crate::memo::{Memo, RunCache};
 use cached_phase::Skipped;
 use cached_streams::CachedStreams;
-use foley_nodes::core::params::Datum;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
@@ -61,24 +60,7 @@ pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
     report.close(job, start.elapsed());
     let tapped: Vec<_> = job.taps.iter().map(|tap| (tap.node, tap.port)).collect();
     report.notes.extend(silence::explain(job.graph, &report.nodes, &tapped, Period::Run));
-    // A file of floats holds what it gets, such as a force in N.
-    let clips = |n: usize| {
-        let params = job.graph.nodes[n].params.write();
-        !params
-            .iter()
-            .any(|(name, datum)| *name == "format" && matches!(datum, Datum::Name(name) if name == "Float32"))
-    };
-    for (n, node) in report.nodes.iter().enumerate().filter(|(n, node)| node.sink && clips(*n)) {
-        let fact = |key: &str| node.summary.get(key).and_then(serde_json::Value::as_f64);
-        if let (Some(peak), Some(over), Some(frames), Some(channels)) =
-            (fact("peak"), fact("clipped").filter(|over| *over > 0.0), fact("frames"), fact("channels"))
-        {
-            let sound = Loudness { peak, over: over / (frames * channels) };
-            report.notes.push((node.id.clone(), clipping::advice(job.graph, n, sound)));
-        } else if let Some(text) = fact("peak").and_then(|peak| clipping::too_soft(job.graph, n, peak)) {
-            report.notes.push((node.id.clone(), text));
-        }
-    }
+    report.notes.extend(clipping::notes(job.graph, &report.nodes));
     Ok(report)
 }
 

@@ -379,7 +379,8 @@ impl Session<'_> {
         let samples = shared.window.load(Relaxed) * self.settings.device.quantum as u64;
         let sound = shared.meter.loudness(samples * self.player.plan().channels as u64);
         let graph = self.player.graph();
-        let sink = graph.and_then(|graph| graph.nodes.iter().position(|node| node.ty.name == "WavOut"));
+        let sink = self.player.plan().sinks.first();
+        let sink = graph.zip(sink).and_then(|(graph, sink)| graph.find(&sink.id));
         graph.zip(sink).map_or_else(String::new, |(graph, sink)| clipping_advice(graph, sink, sound))
     }
 

@@ -144,6 +144,7 @@ impl Player {
         // The ring is empty before each load.
         let _ = self.commands.push(Command::Swap(Box::new(swap)));
         self.failed = false;
+        self.surveys.begin_again();
         self.transition_end = end.map(|end: Tick| (end / window_ticks.max(1)) as u64 + 2);
         self.successor_seeds = transition.as_ref().map(TransitionGraph::successor_seeds).unwrap_or_default();
         let plan = std::mem::replace(&mut self.playing.plan, plan);
