@@ -48,8 +48,8 @@ params! {
         /// Position of the listener without a link.
         listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
         /// Cost of a contact on each level, in microseconds for 1024 samples. At up to 1 m/s and 44.1 kHz a core of a server takes 10
-        /// for a map, 10 to 17 for isophotes, 10 for features and 12 for noise, however that is stored (`cargo bench -p foley-nodes --bench
-        /// scrape`, isophotes by `--bench isophotes`); `full` counts as much as `split`, so that a level down never costs more.
+        /// for a map, 10 to 17 for isophotes, 10 for features and 12 for noise, however that is stored (`cargo bench -p foley-nodes --
+        /// scrape isophotes`); `full` counts as much as `split`, so that a level down never costs more.
         costs: [f64; 4] = [22.0, 22.0, 12.0, 12.0], unit "us", range 0.0..=1_000_000.0;
         /// Maximum cost of all contacts together, in microseconds for 1024 samples; None for no limit.
         budget: Option<f64> = None, unit "us", range 0.0..=1_000_000.0;

@@ -89,7 +89,7 @@ impl Node for OnlineUnitSelector {
     type Params = OnlineUnitSelectorParams;
     type Ports = OnlineUnitSelectorPorts;
     const NAME: &'static str = "OnlineUnitSelector";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 50_000.0;
 

@@ -192,7 +192,7 @@ impl Node for UnitSelector {
     type Params = UnitSelectorParams;
     type Ports = UnitSelectorPorts;
     const NAME: &'static str = "UnitSelector";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 500.0;
 

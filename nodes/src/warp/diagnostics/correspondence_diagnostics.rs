@@ -200,7 +200,7 @@ impl Node for CorrespondenceDiagnostics {
     type Params = CorrespondenceDiagnosticsParams;
     type Ports = CorrespondenceDiagnosticsPorts;
     const NAME: &'static str = "CorrespondenceDiagnostics";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const CLASS: Class = Class::Offline;
 
     fn shape(

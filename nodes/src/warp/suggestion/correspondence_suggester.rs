@@ -178,7 +178,7 @@ impl Node for CorrespondenceSuggester {
     type Params = CorrespondenceSuggesterParams;
     type Ports = CorrespondenceSuggesterPorts;
     const NAME: &'static str = "CorrespondenceSuggester";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const CLASS: Class = Class::Offline;
 
     fn shape(

@@ -2,9 +2,11 @@
 
 use super::path::{GlobalParams, Path};
 use super::table::Table;
-use crate::unit::selection::kdtree::{KdTree, Search};
-use crate::unit::selection::selector::{MAX_DIMS, NotFinite};
+use crate::unit::selection::kdtree::{Search, squared};
+use crate::unit::selection::selector::NotFinite;
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
+use std::collections::BinaryHeap;
 
 /// Number of targets whose nearest units are looked up together.
 const AHEAD: usize = 4096;
@@ -44,11 +46,9 @@ impl Joins {
         }
         // At the end of a recording no unit follows: the last unit stands for it.
         let natural = table.next(a).unwrap_or(a);
-        let square = |(x, y): (f32, f32)| (f64::from(x) - f64::from(y)).powi(2);
         let mut cost = p.path.switch_cost;
         if p.feature > 0.0 {
-            cost +=
-                p.feature * table.features(natural).zip(table.features(b)).map(square).sum::<f64>().sqrt();
+            cost += p.feature * squared(table.features(natural), table.features(b)).sqrt();
         }
         if let (Some(x), Some(y)) = (self.levels.get(natural), self.levels.get(b)) {
             cost += p.level * f64::from((x - y).abs());
@@ -106,19 +106,14 @@ pub fn beam(
 ) -> Result<Path, NotFinite> {
     table.check(target)?;
     let greedy: Vec<Option<usize>> = greedy.iter().map(|&unit| table.column(unit)).collect();
-    Ok(match table.dims() {
-        1..=4 => Beam::<4>::new(table, joins, params).path(target, &greedy),
-        5..=8 => Beam::<8>::new(table, joins, params).path(target, &greedy),
-        9..=16 => Beam::<16>::new(table, joins, params).path(target, &greedy),
-        _ => Beam::<MAX_DIMS>::new(table, joins, params).path(target, &greedy),
-    })
+    Ok(Beam::new(table, joins, params).path(target, &greedy))
 }
 
-struct Beam<'a, const P: usize> {
+struct Beam<'a> {
     table: &'a Table,
     joins: &'a Joins,
     params: &'a BeamParams,
-    near: KdTree<P>,
+    level: Level,
     /// Column and predecessor of each followed path, row after row.
     backpointers: Vec<(u32, u32)>,
     /// Start of each row in the trail.
@@ -126,28 +121,33 @@ struct Beam<'a, const P: usize> {
     forced: usize,
 }
 
-fn padded<const P: usize>(features: impl Iterator<Item = f32>) -> [f64; P] {
-    let mut out = [0.0; P];
-    out.iter_mut().zip(features).for_each(|(out, x)| *out = f64::from(x));
-    out
-}
-
-impl<'a, const P: usize> Beam<'a, P> {
+impl<'a> Beam<'a> {
     fn new(table: &'a Table, joins: &'a Joins, params: &'a BeamParams) -> Self {
-        let points = (0..table.count()).map(|j| (j as u32, padded(table.features(j)))).collect();
-        let near = KdTree::new(points);
-        Self { table, joins, params, near, backpointers: Vec::new(), rows: Vec::new(), forced: 0 }
+        Self {
+            table,
+            joins,
+            params,
+            level: Level::new(),
+            backpointers: Vec::new(),
+            rows: Vec::new(),
+            forced: 0,
+        }
     }
 
-    /// The nearest columns of a target.
-    fn nearest(&self, features: &[f32], search: &mut Search) -> Vec<u32> {
+    /// The nearest columns of a target, in no order; of equally near ones the first.
+    fn nearest(&self, target: &[f32], search: &mut Search) -> Vec<u32> {
         let most = self.params.candidates.max(1);
-        let mut found = Vec::with_capacity(most);
-        self.near.nearest(&padded(features.iter().copied()), f64::INFINITY, search, |_, label| {
-            found.push(label);
-            if found.len() < most { f64::INFINITY } else { -1.0 }
-        });
-        found
+        // Squares are not negative, so that their bits sort as they do.
+        let mut found: BinaryHeap<(u64, u32)> = BinaryHeap::with_capacity(most + 1);
+        dispatch!(self.level, simd => self.table.near.within(simd, target, f64::INFINITY, search, |label| {
+            found.push((squared(self.table.features(label as usize), target).to_bits(), label));
+            if found.len() > most {
+                found.pop();
+            }
+            let furthest = found.peek().filter(|_| found.len() == most)?;
+            Some(f64::from_bits(furthest.0).sqrt() * (1.0 + 1e-9))
+        }));
+        found.into_iter().map(|(_, label)| label).collect()
     }
 
     fn path(&mut self, target: &[f32], greedy: &[Option<usize>]) -> Path {

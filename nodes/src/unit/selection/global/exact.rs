@@ -23,10 +23,13 @@ use crate::unit::selection::selector::NotFinite;
 /// target more than the best. Its cost is summed in double precision along the path.
 ///
 /// # Complexity
-/// O(n m dims) time twice, `4 m sqrt n` bytes for the checkpoints and `m sqrt n / 8` per thread for one block of decisions.
+/// For each target the time of a search for the units within the least cost of a row, about the mean distance of units that are chosen, and of the
+/// units whose cost exceeds the least by less than a jump: some hundreds of ten thousands where a jump costs as much as such a distance. Twice,
+/// and again for parts of the target that are repaired. At most O(n m dims). 8 bytes for each of those units at the ends of blocks of 32 targets
+/// or more, at most `4 m sqrt n`, and `4 m` per thread for the decisions of a block.
 ///
 /// # Source
-/// Viterbi (1967) for the programme; Hirschberg (1975) and Grice, Hughey and Speck, "Reduced space sequence alignment" (1997) for the
+/// Viterbi (1967) for the programme, over states that can still be part of the best path; Hirschberg (1975) and Grice, Hughey and Speck, "Reduced space sequence alignment" (1997) for the
 /// checkpoints.
 pub fn exact(
     table: &Table,

@@ -1,7 +1,7 @@
 //! The exact programme while the target is still coming: each unit is decided a fixed time after it.
 
+use super::front::{Decisions, Front, Price, Scratch};
 use super::path::GlobalParams;
-use super::programme::{Decisions, Front, Price};
 use super::repair::substitute;
 use super::table::Table;
 use crate::impl_state;
@@ -15,7 +15,7 @@ use crate::unit::selection::selector::{Choice, NotFinite};
 /// committed.
 ///
 /// # Complexity
-/// O(m dims + lag) time for a unit; O(m dims + m lag / 8) memory, all of it allocated at the start.
+/// Time as of [`exact`](super::exact()) for a unit, at most O(m dims + lag); O(m dims + m lag / 8) memory, nearly all of it allocated at the start.
 ///
 /// # Source
 /// Forney, "The Viterbi algorithm" (1973), section III on truncated survivors.
@@ -25,7 +25,7 @@ pub struct FixedLag {
     params: GlobalParams,
     price: Price,
     front: Front,
-    before: Front,
+    scratch: Scratch,
     decisions: Decisions,
     /// Rows with stored decisions.
     capacity: usize,
@@ -36,7 +36,7 @@ pub struct FixedLag {
     history: History,
     replaced: usize,
 }
-impl_state!(FixedLag { front, before, decisions, rows_read, decided, history, replaced });
+impl_state!(FixedLag { front, decisions, rows_read, decided, history, replaced });
 
 impl FixedLag {
     /// Creates the state before the first unit; each choice reads `lag` units after its own.
@@ -45,7 +45,7 @@ impl FixedLag {
         let count = table.count();
         Self {
             front: Front::start(count),
-            before: Front::start(count),
+            scratch: Scratch::new(count),
             decisions: Decisions::new(count, lag + 1),
             capacity: lag + 1,
             rows_read: 0,
@@ -92,10 +92,8 @@ impl FixedLag {
     }
 
     fn read_row(&mut self, features: &[f32]) {
-        self.decisions.record(self.rows_read % self.capacity, &self.front, self.price);
-        self.front.advance(&mut self.before, &self.table, self.price, features, &[], 1);
-        self.front.find(self.price.level);
-        self.front.close(&self.table);
+        let decisions = Some((&mut self.decisions, self.rows_read % self.capacity));
+        self.front.advance(&self.table, self.price, features, &[], &mut self.scratch, decisions);
         self.rows_read += 1;
     }
 }

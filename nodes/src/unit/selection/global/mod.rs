@@ -6,6 +6,7 @@
 mod beam;
 mod exact;
 mod fixed_lag;
+mod front;
 mod path;
 mod programme;
 mod repair;

@@ -1,133 +1,19 @@
-//! The best of all paths, by dynamic programming in O(n m) time and O(m sqrt n) memory.
+//! The best of all paths, by dynamic programming over the active units of each target.
 
-use super::path::{GlobalParams, MAX_SWITCH_COST};
-use super::row::{self, Target, WORD};
+use super::front::{Decisions, Front, Price, Scratch};
+use super::path::GlobalParams;
 use super::table::Table;
-use crate::impl_state;
-use fearless_simd::Level;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Units that are worth a thread of their own in one row.
-const SHARE: usize = 8192;
-
-/// Costs of all columns after a row.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Front {
-    /// Infinity, then for each column its cost over the least of the row before; infinite if no unit follows.
-    pub values: Vec<f32>,
-    /// The least of them.
-    pub least: f32,
-    /// First column that has it.
-    pub best: usize,
-}
-
-impl Front {
-    /// Costs before the first row: every column costs nothing.
-    pub fn start(columns: usize) -> Self {
-        Self { values: vec![0.0; columns + 1], least: 0.0, best: 0 }
-    }
-
-    /// The costs of a row from those before it; `before` holds the row before afterwards.
-    pub fn advance(
-        &mut self,
-        before: &mut Self,
-        table: &Table,
-        price: Price,
-        features: &[f32],
-        surcharges: &[(usize, f32)],
-        threads: usize,
-    ) {
-        std::mem::swap(self, before);
-        let (count, level) = (table.count(), price.level);
-        let target = Target {
-            columns: &table.columns,
-            count,
-            features,
-            least: before.least,
-            switch: price.switch,
-            cap: price.cap,
-        };
-        let own = &mut self.values[1..];
-        let least = if threads < 2 || count < 2 * SHARE {
-            row::step(level, target, 0, &before.values, own)
-        } else {
-            let part = count.div_ceil(threads.min(count / SHARE));
-            let parts = own.par_chunks_mut(part).zip(before.values.par_chunks(part)).enumerate();
-            parts
-                .map(|(k, (own, before))| row::step(level, target, k * part, before, own))
-                .reduce(|| f32::INFINITY, f32::min)
-        };
-        self.least = least;
-        if !surcharges.is_empty() {
-            for &(column, cost) in surcharges {
-                own[column] += cost;
-            }
-            self.least = row::row_minimum(level, own);
-        }
-    }
-
-    /// Finds the best column, before those without a following unit are closed.
-    pub fn find(&mut self, level: Level) {
-        self.best = row::first(level, &self.values[1..], self.least);
-    }
-
-    /// Closes the columns at the ends of recordings.
-    pub fn close(&mut self, table: &Table) {
-        self.values[0] = f32::INFINITY;
-        for &end in &table.ends {
-            self.values[end + 1] = f32::INFINITY;
-        }
-    }
-}
-
-/// Costs of rows in addition to features.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Price {
-    pub switch: f32,
-    pub cap: f32,
-    pub level: Level,
-}
-
-impl Price {
-    pub fn new(params: &GlobalParams) -> Self {
-        let switch = params.switch_cost.clamp(0.0, MAX_SWITCH_COST) as f32;
-        Self { switch, cap: params.cap.max(0.0) as f32, level: Level::new() }
-    }
-}
-
-/// Predecessor of each column of some rows.
-#[derive(Debug)]
-pub(super) struct Decisions {
-    words: usize,
-    /// One bit per cell: set if it was reached from the column before it.
-    bits: Vec<u64>,
-    /// Per row, the column that all others jumped from.
-    sources: Vec<usize>,
-}
-impl_state!(Decisions { bits, sources });
-
-impl Decisions {
-    pub fn new(columns: usize, rows: usize) -> Self {
-        let words = columns.div_ceil(WORD);
-        Self { words, bits: vec![0; words * rows], sources: vec![0; rows] }
-    }
-
-    /// Stores how the row after `before` is reached.
-    pub fn record(&mut self, row: usize, before: &Front, price: Price) {
-        let bits = &mut self.bits[row * self.words..][..self.words];
-        let columns = before.values.len() - 1;
-        row::runs(price.level, &before.values[..columns], before.least, price.switch, bits);
-        self.sources[row] = before.best;
-    }
-
-    /// The column before `column` of `row`.
-    pub fn before(&self, row: usize, column: usize) -> usize {
-        let word = self.bits[row * self.words + column / WORD];
-        if column > 0 && word >> (column % WORD) & 1 == 1 { column - 1 } else { self.sources[row] }
-    }
-}
+/// Least rows of a block.
+const SHORT: usize = 32;
+/// Active columns for which a block is a row longer: fronts are stored at its ends, decisions for its rows.
+const COLUMNS_PER_ROW: usize = 150;
+/// Blocks of which the decisions are stored at once, for each thread.
+const DECIDED: usize = 8;
+/// Rows computed at each of some places to find how many columns are active.
+const TRIAL: usize = 8;
 
 /// The programme over a target, with the data for computing parts of it again.
 pub(super) struct Programme<'a> {
@@ -147,16 +33,36 @@ pub(super) struct Programme<'a> {
 impl<'a> Programme<'a> {
     pub fn new(table: &'a Table, target: &'a [f32], params: &GlobalParams, block: Option<usize>) -> Self {
         let rows = target.len() / table.dims();
-        let block = block.unwrap_or_else(|| (rows as f64).sqrt().ceil() as usize).clamp(1, rows);
-        Self {
+        let mut this = Self {
             table,
             target,
             price: Price::new(params),
-            block,
-            fronts: Vec::with_capacity(rows.div_ceil(block) + 1),
+            block: 1,
+            fronts: Vec::new(),
             path: vec![0; rows],
             surcharges: BTreeMap::new(),
-        }
+        };
+        this.block = block.unwrap_or_else(|| this.block_length()).clamp(1, rows);
+        this
+    }
+
+    /// Rows of a block such that fronts and decisions take little memory.
+    fn block_length(&self) -> usize {
+        let rows = self.path.len();
+        let mut scratch = Scratch::new(self.table.count());
+        let most = (rows as f64).sqrt().ceil() as usize;
+        let active: Vec<usize> = (0..rows)
+            .step_by(rows.div_ceil(2 * TRIAL))
+            .map(|from| {
+                let mut front = Front::start(self.table.count());
+                for i in from..(from + TRIAL).min(rows) {
+                    front.advance(self.table, self.price, self.row(i), &[], &mut scratch, None);
+                }
+                front.len()
+            })
+            .collect();
+        let mean = active.iter().sum::<usize>() / active.len().max(1);
+        (mean / COLUMNS_PER_ROW).max(SHORT).min(most)
     }
 
     pub fn blocks(&self) -> usize {
@@ -174,55 +80,94 @@ impl<'a> Programme<'a> {
         self.trace_back(stale);
     }
 
-    /// Computes the rows of a block, and stores `decisions` on request.
-    fn run_block(&self, b: usize, threads: usize, mut decisions: Option<&mut Decisions>) -> Front {
-        let mut front = self.fronts.get(b).cloned().unwrap_or_else(|| Front::start(self.table.count()));
-        let mut before = front.clone();
+    /// Computes the rows of a block from the costs before it, and stores `decisions` on request.
+    fn run_block(
+        &self,
+        b: usize,
+        mut front: Front,
+        scratch: &mut Scratch,
+        mut decisions: Option<&mut Decisions>,
+    ) -> Front {
         let rows = b * self.block..((b + 1) * self.block).min(self.path.len());
-        let last = rows.end - 1;
         for (k, i) in rows.enumerate() {
-            if let Some(decisions) = &mut decisions {
-                decisions.record(k, &front, self.price);
-            }
             let surcharges = self.surcharges.get(&i).map_or(&[][..], Vec::as_slice);
-            front.advance(&mut before, self.table, self.price, self.row(i), surcharges, threads);
-            // The best of every row is needed only to trace back; the next block needs that of the last row.
-            if decisions.is_some() || i == last {
-                front.find(self.price.level);
-            }
-            front.close(self.table);
+            let decisions = decisions.as_deref_mut().map(|decisions| (decisions, k));
+            front.advance(self.table, self.price, self.row(i), surcharges, scratch, decisions);
         }
+        front.sort();
         front
     }
 
-    /// Computes the fronts again from the first change on, as far as they differ; returns the computed blocks.
+    /// Computes the fronts again as far as they differ; returns the computed blocks.
     fn forward(&mut self, changed: &[bool]) -> Vec<bool> {
-        let threads = rayon::current_num_threads().max(2);
-        let mut stale = vec![false; changed.len()];
+        let mut computed = changed.to_vec();
+        let mut stale: Vec<usize> = (0..changed.len()).filter(|b| changed[*b]).collect();
         if self.fronts.is_empty() {
-            self.fronts.push(Front::start(self.table.count()));
+            stale = self.first_fronts();
         }
-        let mut differs = false;
-        for (b, stale) in stale.iter_mut().enumerate() {
-            if !changed[b] && !differs {
-                continue;
+        let columns = self.table.count();
+        // Costs are over the least of each row, so that a detour is soon forgotten: most blocks end as they did.
+        while !stale.is_empty() {
+            let this = &*self;
+            let run =
+                |scratch: &mut Scratch, b: usize| this.run_block(b, this.fronts[b].clone(), scratch, None);
+            let ends: Vec<(usize, Front)> = stale
+                .par_iter()
+                .map_init(|| Scratch::new(columns), |scratch, &b| (b, run(scratch, b)))
+                .collect();
+            stale.clear();
+            for (b, end) in ends {
+                if self.fronts[b + 1] != end {
+                    self.fronts[b + 1] = end;
+                    if b + 1 < computed.len() {
+                        computed[b + 1] = true;
+                        stale.push(b + 1);
+                    }
+                }
             }
-            *stale = true;
-            let front = self.run_block(b, threads, None);
-            // Costs are over the least of each row, so that a detour is soon forgotten.
-            differs = self.fronts.get(b + 1) != Some(&front);
-            match self.fronts.get_mut(b + 1) {
-                Some(old) => *old = front,
-                None => self.fronts.push(front),
+        }
+        computed
+    }
+
+    /// Computes all fronts, in as many parts at once as there are threads; returns the blocks at the start of a part that began otherwise.
+    ///
+    /// A part takes what follows from the block before it alone for what lies before it.
+    fn first_fronts(&mut self) -> Vec<usize> {
+        let (blocks, columns) = (self.blocks(), self.table.count());
+        let part = blocks.div_ceil(rayon::current_num_threads());
+        let starts: Vec<usize> = (0..blocks).step_by(part).collect();
+        let this = &*self;
+        let parts: Vec<Vec<Front>> = starts
+            .par_iter()
+            .map(|&from| {
+                let mut scratch = Scratch::new(columns);
+                let mut front = Front::start(columns);
+                if let Some(before) = from.checked_sub(1) {
+                    front = this.run_block(before, front, &mut scratch, None);
+                }
+                let mut fronts = vec![front];
+                for b in from..(from + part).min(blocks) {
+                    let next = this.run_block(b, fronts[fronts.len() - 1].clone(), &mut scratch, None);
+                    fronts.push(next);
+                }
+                fronts
+            })
+            .collect();
+        let mut stale = Vec::new();
+        for (from, mut fronts) in starts.into_iter().zip(parts) {
+            if self.fronts.last().is_some_and(|end| *end != fronts[0]) {
+                stale.push(from);
             }
+            let known = usize::from(!self.fronts.is_empty());
+            self.fronts.extend(fronts.drain(known..));
         }
         stale
     }
 
     fn decide(&self, b: usize) -> Decisions {
-        let rows = self.block.min(self.path.len() - b * self.block);
-        let mut decisions = Decisions::new(self.table.count(), rows);
-        self.run_block(b, 1, Some(&mut decisions));
+        let (rows, columns) = (self.block.min(self.path.len() - b * self.block), self.table.count());
+        let mut decisions = Decisions::new(columns, rows);
+        self.run_block(b, self.fronts[b].clone(), &mut Scratch::new(columns), Some(&mut decisions));
         decisions
     }
 
@@ -235,9 +180,9 @@ impl<'a> Programme<'a> {
             let same = !stale[b] && self.path[rows.end - 1] == end;
             if !same {
                 if !ready.contains_key(&b) {
-                    // Blocks depend on each other only by their ends: as many at once as there are threads.
+                    // Blocks depend on each other only by their ends: some at once for each thread.
                     let mut group: Vec<usize> = (0..b).rev().filter(|&b| stale[b]).collect();
-                    group.truncate(rayon::current_num_threads() - 1);
+                    group.truncate(DECIDED * rayon::current_num_threads() - 1);
                     group.push(b);
                     let decided: Vec<_> = group.par_iter().map(|&b| (b, self.decide(b))).collect();
                     ready.extend(decided);

@@ -45,13 +45,19 @@ pub(super) fn substitute(
         return wanted;
     }
     let next = history.picks.front().and_then(|&last| table.next(last as usize));
-    let cost = |j: usize| {
-        let jump = if next == Some(j) { 0.0 } else { params.switch_cost };
-        table.distance(features, j).min(params.cap) + jump
-    };
+    let distance = |j: usize| table.distance(features, j).min(params.cap);
     let cheapest = |barred: &dyn Fn(usize) -> bool| {
-        let free = (0..table.count()).filter(|&j| !barred(j));
-        free.map(|j| (cost(j), j)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, j)| j)
+        let nearest = table.nearest(features, barred).map(|j| (distance(j), j));
+        let jump = match nearest {
+            // All are as far that are at least as far as the cap.
+            Some((cap, _)) if cap >= params.cap => {
+                (0..table.count()).find(|&j| !barred(j)).map(|j| (params.cap, j))
+            }
+            nearest => nearest,
+        };
+        let run = next.filter(|&j| !barred(j)).map(|j| (distance(j), j));
+        let jump = jump.map(|(distance, j)| (distance + params.switch_cost, j));
+        run.into_iter().chain(jump).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, j)| j)
     };
     let longest_unused = || (0..table.count()).min_by_key(|&j| history.used[j]);
     let best = cheapest(&|j| history.barred(j)).or_else(|| cheapest(&|j| history.in_cool_off(j)));

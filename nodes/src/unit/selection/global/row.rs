@@ -2,7 +2,7 @@
 //!
 //! Plain loops over short tiles, which the compiler turns into vectors of whatever width the machine has. No fused multiplication
 //! is used, every operation is rounded as IEEE 754 requires and a minimum is the same in any order, so that the bits do
-//! not depend on the machine or on how the units are parted among threads.
+//! not depend on the machine.
 
 use fearless_simd::{Level, dispatch};
 
@@ -30,21 +30,21 @@ pub(super) struct Target<'a> {
     pub cap: f32,
 }
 
-/// Computes the costs of the units from `from` on, over the least cost of the target before; returns the least of them.
+/// Computes the costs of all units, over the least cost of the target before; returns the least of them.
 ///
 /// # Shapes
-/// `before[k]`: cost, before this target, of the unit that unit `from + k` follows.
-pub(super) fn step(level: Level, target: Target<'_>, from: usize, before: &[f32], out: &mut [f32]) -> f32 {
+/// `before[k]`: cost, before this target, of the unit that unit `k` follows.
+pub(super) fn step(level: Level, target: Target<'_>, before: &[f32], out: &mut [f32]) -> f32 {
     dispatch!(level, simd => {
         let _ = simd;
-        tiles(target, from, before, out)
+        tiles(target, before, out)
     })
 }
 
 #[inline(always)]
-fn tiles(target: Target<'_>, from: usize, before: &[f32], out: &mut [f32]) -> f32 {
+fn tiles(target: Target<'_>, before: &[f32], out: &mut [f32]) -> f32 {
     let mut lowest = [f32::INFINITY; LANES];
-    let mut at = from;
+    let mut at = 0;
     for (out, before) in out.chunks_mut(TILE).zip(before.chunks(TILE)) {
         out.fill(0.0);
         for (column, &feature) in target.columns.chunks_exact(target.count).zip(target.features) {
@@ -108,6 +108,15 @@ fn first_position(values: &[f32], value: f32) -> usize {
         }
     }
     0
+}
+
+/// Number of costs that exceed the least by the price of a jump at most.
+pub(super) fn count_within(level: Level, costs: &[f32], least: f32, switch: f32) -> usize {
+    dispatch!(level, simd => {
+        let _ = simd;
+        let within = |costs: &[f32]| costs.iter().map(|&x| u32::from(x - least <= switch)).sum::<u32>();
+        costs.chunks(TILE).map(within).sum::<u32>() as usize
+    })
 }
 
 /// Marks the units that are reached no worse from the unit that they follow than by a jump.

@@ -1,9 +1,11 @@
 //! The units that may be chosen, in the order in which the programme reads them.
 
 use super::path::GlobalParams;
+use crate::unit::selection::kdtree::{KdTree, Search, squared};
 use crate::unit::selection::selector::{NotFinite, Units};
+use fearless_simd::{Level, dispatch};
 
-/// Features of all units that may be chosen, dimension by dimension, and the columns without a following unit.
+/// Features of all units that may be chosen, dimension by dimension, and the columns that another follows.
 ///
 /// A unit's place here is called its column; units that may not be chosen have none.
 #[derive(Clone, Debug)]
@@ -11,10 +13,14 @@ pub struct Table {
     dims: usize,
     /// `[dims, columns]`.
     pub(super) columns: Vec<f32>,
+    /// `[columns, dims]`.
+    rows: Vec<f32>,
+    /// Columns by their features.
+    pub(super) near: KdTree,
     /// The unit of each column.
     units: Vec<u32>,
-    /// Columns that the next column does not follow in a recording.
-    pub(super) ends: Vec<usize>,
+    /// True for each column that the next column follows in its recording.
+    continues: Vec<bool>,
 }
 
 impl Table {
@@ -22,22 +28,26 @@ impl Table {
     #[must_use]
     pub fn new(units: &Units<'_>) -> Option<Self> {
         let mut chosen = Vec::new();
-        let mut ends = Vec::new();
+        let mut continues: Vec<bool> = Vec::new();
         for &(from, count) in &units.segments {
             for j in (from..from + count).filter(|&j| units.allowed.get(j) == Some(&true)) {
                 let follows = j > from && chosen.last() == Some(&(j as u32 - 1));
-                if !follows && !chosen.is_empty() {
-                    ends.push(chosen.len() - 1);
+                if let (true, Some(before)) = (follows, continues.last_mut()) {
+                    *before = true;
                 }
+                continues.push(false);
                 chosen.push(j as u32);
             }
         }
-        ends.push(chosen.len().checked_sub(1)?);
         let dims = units.dims;
         let feature = |d: usize, j: u32| units.features.get(j as usize * dims + d).copied();
         let columns: Option<Vec<f32>> =
             (0..dims).flat_map(|d| chosen.iter().map(move |&j| feature(d, j))).collect();
-        Some(Self { dims, columns: columns.filter(|c| !c.is_empty())?, units: chosen, ends })
+        let columns = columns.filter(|c| !c.is_empty())?;
+        let rows: Vec<f32> =
+            chosen.iter().flat_map(|&j| &units.features[j as usize * dims..][..dims]).copied().collect();
+        let labels: Vec<u32> = (0..chosen.len() as u32).collect();
+        Some(Self { dims, columns, near: KdTree::new(&labels, &rows, dims), rows, units: chosen, continues })
     }
 
     /// Returns the number of allowed units.
@@ -73,19 +83,45 @@ impl Table {
     /// The column that follows one in its recording.
     #[must_use]
     pub fn next(&self, column: usize) -> Option<usize> {
-        self.ends.binary_search(&column).is_err().then_some(column + 1)
+        self.continues[column].then_some(column + 1)
     }
 
     /// Features of a column.
-    pub fn features(&self, column: usize) -> impl Iterator<Item = f32> + '_ {
-        self.columns.iter().skip(column).step_by(self.count()).copied()
+    #[must_use]
+    #[inline(always)]
+    pub fn features(&self, column: usize) -> &[f32] {
+        &self.rows[column * self.dims..][..self.dims]
     }
 
     /// Distance of a column from a feature vector.
     #[must_use]
     pub fn distance(&self, target: &[f32], column: usize) -> f64 {
-        let square = |(a, b): (f32, &f32)| (f64::from(a) - f64::from(*b)).powi(2);
-        self.features(column).zip(target).map(square).sum::<f64>().sqrt()
+        squared(self.features(column), target).sqrt()
+    }
+
+    /// Marks the columns that follow none in costs of the columns that each follows.
+    pub(super) fn close(&self, costs: &mut [f32]) {
+        costs[0] = f32::INFINITY;
+        for (cost, continues) in costs[1..].iter_mut().zip(&self.continues) {
+            *cost = if *continues { *cost } else { f32::INFINITY };
+        }
+    }
+
+    /// The nearest column that is not barred; of equally near ones the first.
+    #[must_use]
+    pub(super) fn nearest(&self, target: &[f32], barred: &dyn Fn(usize) -> bool) -> Option<usize> {
+        let mut found: Option<(f64, u32)> = None;
+        let mut search = Search::default();
+        dispatch!(Level::new(), simd => {
+            self.near.within(simd, target, f64::INFINITY, &mut search, #[inline(always)] |column| {
+                if !barred(column as usize) {
+                    let new = (self.distance(target, column as usize), column);
+                    found = found.filter(|found| *found < new).or(Some(new));
+                }
+                found.map(|(least, _)| least)
+            });
+        });
+        found.map(|(_, column)| column as usize)
     }
 
     /// Returns the cost of a path of columns.

@@ -77,6 +77,76 @@ fn the_path_costs_as_much_as_that_of_the_full_programme() {
     }
 }
 
+type Surcharges = std::collections::BTreeMap<usize, Vec<(usize, f32)>>;
+
+/// The path of the programme over all columns of every row, in its precision and with its choice among equal paths.
+fn over_all_columns(target: &[f32], table: &Table, p: &GlobalParams, surcharges: &Surcharges) -> Vec<usize> {
+    let (m, switch, cap) = (table.count(), p.switch_cost as f32, p.cap as f32);
+    let (mut before, mut least, mut best) = (vec![0.0_f32; m], 0.0_f32, 0);
+    let mut decisions: Vec<Vec<usize>> = Vec::new();
+    for (i, features) in target.chunks_exact(table.dims()).enumerate() {
+        let reached = |j: usize| match i {
+            0 => 0.0,
+            _ if j > 0 && table.follows(j - 1, j) => before[j - 1] - least,
+            _ => f32::INFINITY,
+        };
+        let cost = |j: usize| {
+            let squares = table.features(j).iter().zip(features).map(|(x, y)| (x - y) * (x - y));
+            let own = squares.fold(0.0, |sum, square| sum + square).sqrt().min(cap) + reached(j).min(switch);
+            let mine = surcharges.get(&i).into_iter().flatten().filter(|(column, _)| *column == j);
+            mine.fold(own, |cost, (_, surcharge)| cost + surcharge)
+        };
+        let costs: Vec<f32> = (0..m).map(cost).collect();
+        decisions.push((0..m).map(|j| if j > 0 && reached(j) <= switch { j - 1 } else { best }).collect());
+        least = costs.iter().copied().fold(f32::INFINITY, f32::min);
+        best = costs.iter().position(|cost| *cost == least).unwrap();
+        before = costs;
+    }
+    let mut path = Vec::new();
+    for before in decisions.iter().rev() {
+        path.push(best);
+        best = before[best];
+    }
+    path.reverse();
+    path
+}
+
+#[test]
+fn the_active_columns_are_all_that_the_best_path_needs() {
+    let mut rng = Rng::new(14);
+    for case in 0..40 {
+        let mut features = Vec::new();
+        let lengths: Vec<usize> = (0..1 + rng.below(9)).map(|_| 1 + rng.below(400)).collect();
+        let (m, segments) = units(&mut rng, &lengths, &mut features);
+        let mut target = walk(&mut rng, 80);
+        if case % 4 == 0 {
+            // Many paths cost the same.
+            features.iter_mut().chain(&mut target).for_each(|x| *x = x.round());
+        }
+        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+        let table = Table::new(&set).unwrap();
+        let p = GlobalParams {
+            cap: [f64::INFINITY, 1.5, 0.2][rng.below(3)],
+            ..params([0.0, 0.1, 0.5, 2.0, 1000.0][rng.below(5)], 0)
+        };
+        let mut programme = super::programme::Programme::new(&table, &target, &p, Some(1 + rng.below(30)));
+        programme.solve(&vec![true; programme.blocks()]);
+        assert_eq!(programme.path, over_all_columns(&target, &table, &p, &programme.surcharges), "{case}");
+        for _ in 0..3 {
+            let mut changed = vec![false; programme.blocks()];
+            for _ in 0..rng.below(20) {
+                let row = rng.below(80);
+                let cell = (programme.path[row], rng.between(0.0, 1.0) as f32);
+                programme.surcharges.entry(row).or_default().push(cell);
+                changed[row / programme.block] = true;
+            }
+            programme.solve(&changed);
+            let wanted = over_all_columns(&target, &table, &p, &programme.surcharges);
+            assert_eq!(programme.path, wanted, "{case}, {p:?}");
+        }
+    }
+}
+
 #[test]
 fn no_choice_unit_by_unit_is_cheaper() {
     let mut rng = Rng::new(2);

@@ -1,37 +1,47 @@
 //! Exact search, in bounded memory, of the unit that sounds most like each unit of a target.
 
+use std::cmp::Ordering;
 use std::sync::Arc;
 
-use super::unit_index::{Index, mean, padded};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x16};
+
+use super::unit_index::{Index, mean, squared_of_means};
 use crate::archive_state;
 use crate::unit::selection::history::History;
-use crate::unit::selection::kdtree::{Search, squared};
+use crate::unit::selection::kdtree::{LANES, Search, squared};
 use crate::unit::selection::selector::{Choice, MAX_DIMS, NotFinite, Selector, SelectorParams, Units};
 
 /// A selector for vectors of `units.dims` dimensions; `None` where they are more than [`MAX_DIMS`] or no unit is allowed.
 #[must_use]
 pub fn selector(units: &Units<'_>, params: SelectorParams) -> Option<Box<dyn Selector>> {
-    if units.dims == 0 || !units.allowed.contains(&true) {
-        return None;
-    }
-    Some(match units.dims {
-        // Zeros in place of missing dimensions change no distance.
-        1..=4 => Box::new(Exact::<4>::new(units, params)),
-        5..=8 => Box::new(Exact::<8>::new(units, params)),
-        9..=16 => Box::new(Exact::<16>::new(units, params)),
-        17..=MAX_DIMS => Box::new(Exact::<MAX_DIMS>::new(units, params)),
-        _ => return None,
-    })
+    let possible = (1..=MAX_DIMS).contains(&units.dims) && units.allowed.contains(&true);
+    possible.then(|| Box::new(Exact::new(units, params)) as Box<dyn Selector>)
 }
 
 #[derive(Clone)]
-struct Exact<const P: usize> {
+struct Exact {
     params: SelectorParams,
-    index: Arc<Index<P>>,
+    index: Arc<Index>,
     search: Search,
-    window: Vec<[f64; P]>,
+    window: Window,
     history: History,
     costs: Costs,
+    level: Level,
+}
+
+/// The vectors of a target that are compared.
+#[derive(Clone, Debug, Default)]
+struct Window {
+    dims: usize,
+    /// Vector after vector.
+    rows: Vec<f32>,
+    /// Dimension after dimension, each with zeros up to a multiple of [`LANES`].
+    columns: Vec<f32>,
+    /// 1 for each vector, and zeros up to a multiple of [`LANES`].
+    compared: Vec<f32>,
+    /// Mean of the vectors.
+    mean: Vec<f32>,
 }
 
 /// An order in which units are examined.
@@ -45,9 +55,6 @@ enum Order {
 
 /// Nodes and points that a search of little promise looks at before the other order has its turn.
 const FIRST_TRY: f64 = 64.0;
-
-/// Nodes and points of the first look for the nearest unit.
-const FIRST_LOOK: usize = 64;
 
 /// Recent costs of a search in each order, in nodes and points. They decide which one is tried first, and never what is found.
 #[derive(Clone, Copy, Debug)]
@@ -93,44 +100,64 @@ impl Order {
     }
 }
 
-/// Number of nearest units that are examined before those of a low bound.
-const SEEDS: usize = 16;
+/// Part by which a sum of distances in single precision is at most too large: 64 dimensions and 16 vectors add 6e-6.
+const ROUNDING: f64 = 1e-5;
 
 /// One search for the unit of one target.
-struct SearchState<const P: usize> {
+struct SearchState {
     /// The unit that may be chosen in spite of its cool-off.
     rested: Option<usize>,
     /// The unit after the last pick.
     next: Option<usize>,
-    /// Mean of the target's window.
-    mean: [f64; P],
-    best: Option<Candidate>,
+    best: Option<Choice>,
+    /// A sum of distances in single precision that is above this one is greater than that of the best.
+    limit: f32,
 }
 
-/// A unit that may be chosen.
-#[derive(Clone, Copy)]
-struct Candidate {
-    choice: Choice,
-    continues: bool,
-    /// Squared distance of the means.
-    bound: f64,
-}
-
-impl Candidate {
-    /// Sort key, the lesser first.
-    fn key(&self) -> (f64, bool, f64, u32) {
-        (self.choice.d2, !self.continues, self.bound, self.choice.unit)
+impl SearchState {
+    fn set_best(&mut self, best: Choice, units: usize) {
+        self.best = Some(best);
+        // The square root of a square that is too small for a normal number has few digits.
+        self.limit = (best.d2 * (1.0 + ROUNDING)) as f32 + f32::MIN_POSITIVE.sqrt() * units as f32;
     }
 }
 
-impl<const P: usize> Exact<P> {
+impl Window {
+    fn set(&mut self, rows: &[f32], dims: usize) {
+        self.dims = dims;
+        self.rows.clear();
+        self.rows.extend_from_slice(rows);
+        let padded = self.padded();
+        self.columns.clear();
+        self.columns.resize(dims * padded, 0.0);
+        for (k, row) in rows.chunks_exact(dims).enumerate() {
+            row.iter().enumerate().for_each(|(d, x)| self.columns[d * padded + k] = *x);
+        }
+        self.compared.clear();
+        self.compared.resize(self.len(), 1.0);
+        self.compared.resize(padded, 0.0);
+        self.mean.clear();
+        self.mean.extend(mean(rows, dims));
+    }
+
+    fn len(&self) -> usize {
+        self.rows.len() / self.dims.max(1)
+    }
+
+    fn padded(&self) -> usize {
+        self.len().next_multiple_of(LANES)
+    }
+}
+
+impl Exact {
     fn new(units: &Units<'_>, params: SelectorParams) -> Self {
         let index = Arc::new(Index::new(units, &params));
         Self {
-            history: History::new(index.features.len(), params.cool_off, params.loop_guard),
-            window: Vec::with_capacity(params.look + 1),
+            history: History::new(index.allowed.len(), params.cool_off, params.loop_guard),
+            window: Window::default(),
             search: Search::default(),
             costs: Costs { bound: 0.0, distance: 0.0 },
+            level: Level::new(),
             index,
             params,
         }
@@ -140,100 +167,117 @@ impl<const P: usize> Exact<P> {
     fn continuation(&self) -> Option<usize> {
         let last = *self.history.picks.front()? as usize;
         let next = last + 1;
-        (next < self.index.segment[last].1 as usize && self.index.allowed[next]).then_some(next)
+        (next < self.index.segment_end[last] as usize && self.index.allowed[next]).then_some(next)
     }
 
-    fn present(&self) -> &[f64; P] {
-        if self.params.causal { &self.window[self.window.len() - 1] } else { &self.window[0] }
+    /// The vector for which a unit is chosen.
+    fn present(&self) -> &[f32] {
+        let at = if self.params.causal { self.window.len() - 1 } else { 0 };
+        &self.window.rows[at * self.window.dims..][..self.window.dims]
     }
 
     /// Distance between the target and unit `j`.
     fn d1(&self, j: usize) -> f64 {
-        squared(&self.index.features[j], self.present()).sqrt()
+        squared(self.index.rows(j, 1), self.present()).sqrt()
     }
 
-    /// Unit `j` as a choice, if it may be chosen and is better than `best`.
-    fn better(&self, j: usize, bound: Option<f64>, search: &SearchState<P>) -> Option<Candidate> {
-        if search.rested != Some(j) && self.history.barred(j) {
-            return None;
+    /// Returns true if the window from unit `start` on is certainly further away than the best of a search.
+    #[inline(always)]
+    fn is_beyond<S: Simd>(&self, simd: S, start: usize, limit: f32) -> bool {
+        let (units, padded) = (self.window.len(), self.window.padded());
+        // In double precision, so that a long window adds no error.
+        let mut sum = 0.0_f64;
+        for part in (0..units).step_by(LANES) {
+            let mut squares = f32x16::splat(simd, 0.0);
+            for d in 0..self.window.dims {
+                let target = &self.window.columns[d * padded + part..][..LANES];
+                let difference = f32x16::from_slice(simd, self.index.column(d, start + part))
+                    - f32x16::from_slice(simd, target);
+                squares = difference.mul_add(difference, squares);
+            }
+            let compared = f32x16::from_slice(simd, &self.window.compared[part..][..LANES]);
+            sum += f64::from((squares.sqrt() * compared).reduce_sum());
+            if sum > f64::from(limit) {
+                return true;
+            }
         }
-        let start = self.index.start(j, self.window.len() - 1, self.params.causal)?;
+        false
+    }
+
+    /// Makes unit `j` the best of a search, or the first that may be chosen of those with equal windows, if it is better; returns whether it is.
+    #[inline(always)]
+    fn examine<S: Simd>(&self, simd: S, j: u32, state: &mut SearchState) -> bool {
+        let Some(start) = self.index.start(j as usize, self.window.len() - 1) else {
+            return false;
+        };
+        if self.is_beyond(simd, start, state.limit) {
+            return false;
+        }
+        // Among units with equal windows the first that may be chosen is as good as any: only those in their cool-off lie before it.
+        let free = |j: &usize| state.rested == Some(*j) || !self.history.barred(*j);
+        let better = self.index.equal_windows(j).find(free).and_then(|j| self.better(j, state));
+        better.is_some_and(|better| {
+            state.set_best(better, self.window.len());
+            true
+        })
+    }
+
+    /// Unit `j` as a choice, if it is near enough and better than the best.
+    fn better(&self, j: usize, state: &SearchState) -> Option<Choice> {
+        let start = self.index.start(j, self.window.len() - 1)?;
         let d1 = self.d1(j);
         if d1 > self.params.d_max {
             return None;
         }
-        let best = search.best.as_ref().map_or(f64::INFINITY, |best| best.choice.d2);
-        let mut d2 = 0.0;
-        let units = &self.index.features[start..start + self.window.len()];
-        for (target, unit) in self.window.iter().zip(units) {
-            d2 += squared(target, unit).sqrt();
-            if d2 > best {
-                return None;
-            }
-        }
-        let bound = bound.unwrap_or_else(|| squared(&mean(units), &search.mean));
-        let choice = Choice { unit: j as u32, d1, d2, ..Choice::default() };
-        let found = Candidate { choice, continues: search.next == Some(j), bound };
-        (search.best.as_ref().is_none_or(|best| found.key() < best.key())).then_some(found)
+        let dims = self.window.dims;
+        let vectors = |start: usize| self.index.rows(start, self.window.len());
+        let pairs = self.window.rows.chunks_exact(dims).zip(vectors(start).chunks_exact(dims));
+        let d2 = pairs.map(|(target, unit)| squared(target, unit).sqrt()).sum();
+        let found = Choice { unit: j as u32, d1, d2, ..Choice::default() };
+        let Some(best) = state.best else { return Some(found) };
+        let breaks_run = |choice: &Choice| state.next != Some(choice.unit as usize);
+        let bound = |choice: &Choice| {
+            let start = self.index.start(choice.unit as usize, self.window.len() - 1);
+            start.map(|start| squared_of_means(vectors(start), &self.window.rows, dims))
+        };
+        let order = d2
+            .total_cmp(&best.d2)
+            .then_with(|| breaks_run(&found).cmp(&breaks_run(&best)))
+            .then_with(|| bound(&found).partial_cmp(&bound(&best)).unwrap_or(Ordering::Equal))
+            .then(found.unit.cmp(&best.unit));
+        order.is_lt().then_some(found)
     }
 
     /// The best admissible unit.
     fn best(&mut self, rested: Option<usize>) -> Option<Choice> {
-        let mut state =
-            SearchState { rested, next: self.continuation(), mean: mean(&self.window), best: None };
-        if self.window.len() <= self.params.look {
-            // Windows that an end of the target cuts short have no tree of means.
-            let limit = self.params.effort.unwrap_or(usize::MAX);
-            if self.index.features.len() > limit {
-                self.search.left = Some(0);
-            }
-            for j in 0..self.index.features.len().min(limit) {
-                let found = if self.index.allowed[j] { self.better(j, None, &state) } else { None };
-                state.best = found.or(state.best);
-            }
-            return state.best.map(|found| found.choice);
-        }
-        if let Some(j) = state.next {
-            state.best = self.better(j, None, &state);
+        let mut state = SearchState { rested, next: self.continuation(), best: None, limit: f32::INFINITY };
+        let next = state.next.filter(|j| rested == Some(*j) || !self.history.barred(*j));
+        if let Some(next) = next.and_then(|j| self.better(j, &state)) {
+            state.set_best(next, self.window.len());
         }
         let mut scratch = std::mem::take(&mut self.search);
-        // Nothing is better than no distance at all.
-        if state.best.is_none_or(|best| best.choice.d2 > 0.0) {
-            // With a limit of the effort, the order in which units are seen decides which of them are.
+        if state.best.is_none_or(|best| best.d2 > 0.0) {
             match self.params.effort {
-                Some(_) => self.by_seeds_and_bound(&mut state, &mut scratch),
+                // Windows that an end of the target cuts short have no tree of means.
+                _ if self.window.len() <= self.params.look => {
+                    self.examine_by(Order::Distance, &mut state, &mut scratch);
+                }
+                Some(_) => self.by_distance_then_bound(&mut state, &mut scratch),
                 None => self.by_cheaper_order(&mut state, &mut scratch),
             }
         }
         self.search = scratch;
-        state.best.map(|found| found.choice)
-    }
-
-    /// Examines the nearest units until one is allowed and some more have been seen; returns true if all within `d_max` have been seen.
-    fn seed(&self, state: &mut SearchState<P>, scratch: &mut Search) -> bool {
-        let (mut seen, mut all) = (0, true);
-        // The distance as compared with `d_max` is rounded once more.
-        let within = (self.params.d_max * (1.0 + 1e-9)).powi(2);
-        self.index.by_features.nearest(self.present(), within, scratch, |_, label| {
-            state.best = self.better(label as usize, None, state).or(state.best);
-            seen += 1;
-            all = state.best.is_none() || seen < SEEDS;
-            if all { within } else { -1.0 }
-        });
-        all
+        state.best
     }
 
     /// Examines units in the order that has less to look at. Which one that is shows only on the way: both are tried in turn, with limits that grow, so
     /// that no search costs much more than the cheaper one.
-    fn by_cheaper_order(&mut self, state: &mut SearchState<P>, scratch: &mut Search) {
+    fn by_cheaper_order(&mut self, state: &mut SearchState, scratch: &mut Search) {
         let (mut order, mut limit) = self.costs.first();
         let first = order;
         loop {
             scratch.left = Some(limit);
-            match order {
-                Order::Bound => self.by_seeds_and_bound(state, scratch),
-                Order::Distance => self.by_distance(state, scratch),
-            }
+            self.examine_by(order, state, scratch);
             let left = scratch.left.take().unwrap_or(0);
             if left > 0 {
                 return self.costs.ended(order, limit - left);
@@ -246,49 +290,36 @@ impl<const P: usize> Exact<P> {
         }
     }
 
-    /// Examines the nearest units if none is known, and then units until no bound is low enough.
-    fn by_seeds_and_bound(&self, state: &mut SearchState<P>, scratch: &mut Search) {
-        if state.best.is_none() {
-            let all = self.seed(state, scratch);
-            // The first unit without a distance that the seeds met is the one to choose. In silence, where thousands of units are alike, their
-            // bounds alone would not rule out one of them.
-            if all || state.best.is_some_and(|best| best.choice.d2 == 0.0) {
-                return;
-            }
+    /// Examines some units near the target, and then units by their bounds. With a limit of the effort the order in which units are seen decides
+    /// which of them are, so that it may not depend on earlier searches.
+    fn by_distance_then_bound(&self, state: &mut SearchState, scratch: &mut Search) {
+        let effort = scratch.left.unwrap_or(usize::MAX);
+        let limit = effort.min(FIRST_TRY as usize);
+        scratch.left = Some(limit);
+        self.examine_by(Order::Distance, state, scratch);
+        if scratch.left == Some(0) {
+            scratch.left = Some(effort - limit);
+            self.examine_by(Order::Bound, state, scratch);
         }
-        self.by_bound(state, scratch);
     }
 
-    /// Examines units within `d_max` until none is near enough: the window contains the unit, and is no nearer.
-    fn by_distance(&self, state: &mut SearchState<P>, scratch: &mut Search) {
-        let d_max = self.params.d_max;
-        let radius = |best: &Option<Candidate>| {
-            let d2 = best.as_ref().map_or(f64::INFINITY, |best| best.choice.d2);
-            (d_max.min(d2) * (1.0 + 1e-9)).powi(2)
-        };
-        self.index.by_features.within(self.present(), radius(&state.best), scratch, |_, label| {
-            state.best = self.better(label as usize, None, state).or(state.best);
-            radius(&state.best)
-        });
-    }
-
-    /// Examines units until no bound is low enough.
-    fn by_bound(&self, state: &mut SearchState<P>, scratch: &mut Search) {
-        let units = self.window.len() as f64;
-        // No window whose mean is further away than this can sum to less.
-        let radius = |best: &Option<Candidate>| {
-            best.as_ref().map_or(f64::INFINITY, |best| (best.choice.d2 / units / (1.0 - 1e-9)).powi(2))
-        };
-        let mean = state.mean;
-        self.index.by_mean.within(&mean, radius(&state.best), scratch, |bound, label| {
-            // Among units with equal windows the first that may be chosen is as good as any: only those in their
-            // cool-off lie before it.
-            let mut equal_windows = std::iter::successors(Some(label), |j| self.index.next_equal_window(*j));
-            let free = |j: &u32| state.rested == Some(*j as usize) || !self.history.barred(*j as usize);
-            if let Some(j) = equal_windows.find(free) {
-                state.best = self.better(j as usize, Some(bound), state).or(state.best);
+    /// Examines units in an order until none that is better can be left.
+    fn examine_by(&self, order: Order, state: &mut SearchState, scratch: &mut Search) {
+        // Room for the rounding of sums of distances.
+        let (tree, query, most, share) = match order {
+            // No window whose mean is further away than the mean distance of its units can sum to less.
+            Order::Bound => {
+                let share = (1.0 + 1e-9) / self.window.len() as f64;
+                (&self.index.by_mean, &self.window.mean[..], f64::INFINITY, share)
             }
-            radius(&state.best)
+            // The window contains the unit, and is no nearer.
+            Order::Distance => (&self.index.by_features, self.present(), self.params.d_max, 1.0 + 1e-9),
+        };
+        let radius = |best: &Option<Choice>| best.map_or(most, |best| most.min(best.d2 * share));
+        dispatch!(self.level, simd => {
+            tree.within(simd, query, radius(&state.best), scratch, #[inline(always)] |label| {
+                self.examine(simd, label, state).then(|| radius(&state.best))
+            });
         });
     }
 
@@ -301,37 +332,25 @@ impl<const P: usize> Exact<P> {
 
     /// The nearest unit that is not barred, whatever follows it.
     fn nearest(&mut self, least_recent: Option<usize>) -> Option<Choice> {
-        let present = *self.present();
-        let free = |j: usize| least_recent == Some(j) || !self.history.barred(j);
-        let mut found: Option<(f64, u32)> = None;
+        let free = |j: &usize| least_recent == Some(*j) || !self.history.barred(*j);
+        let mut found: Option<(f64, usize)> = None;
         let mut search = std::mem::take(&mut self.search);
-        // A first look limits the search in order, which has to queue all that is as near.
-        let (left, mut limit) = (search.left, f64::INFINITY);
-        let first_look = left.map_or(FIRST_LOOK, |left| left.min(FIRST_LOOK));
-        search.left = Some(first_look);
-        self.index.by_features.within(&present, limit, &mut search, |distance, label| {
-            if distance < limit && free(label as usize) {
-                limit = distance;
+        let mut visit = |label| {
+            if let Some(j) = self.index.equal_windows(label).find(free) {
+                let new = (self.d1(j), j);
+                found = found.filter(|found| *found < new).or(Some(new));
             }
-            limit
-        });
-        search.left = left.map(|left| left - (first_look - search.left.unwrap_or(0)));
-        self.index.by_features.nearest(&present, limit, &mut search, |distance, label| {
-            found = free(label as usize).then_some((distance, label));
-            if found.is_some() { -1.0 } else { limit }
-        });
+            found.map(|(least, _)| least)
+        };
+        let tree = &self.index.by_features;
+        dispatch!(self.level, simd => tree.within(simd, self.present(), f64::INFINITY, &mut search, &mut visit));
         // Among equally near ones, the one that follows the last pick.
-        if let Some(next) = self.continuation().filter(|next| free(*next)) {
-            let distance = squared(&self.index.features[next], &present);
-            found = found.filter(|(least, _)| *least < distance).or(Some((distance, next as u32)));
+        if let Some(next) = self.continuation().filter(free) {
+            let distance = self.d1(next);
+            found = found.filter(|(least, _)| *least < distance).or(Some((distance, next)));
         }
         self.search = search;
-        found.map(|(distance, unit)| Choice {
-            unit,
-            fallback: true,
-            d1: distance.sqrt(),
-            ..Choice::default()
-        })
+        found.map(|(d1, unit)| Choice { unit: unit as u32, fallback: true, d1, ..Choice::default() })
     }
 
     /// Returns the least recently used unit, if all are in their cool-off.
@@ -355,11 +374,10 @@ fn free_without_guard(history: &History, allowed: &[bool]) -> bool {
     (0..history.used.len()).any(|j| allowed[j] && !history.in_cool_off(j))
 }
 
-impl<const P: usize> Selector for Exact<P> {
+impl Selector for Exact {
     fn choose(&mut self, window: &[f32]) -> Result<Choice, NotFinite> {
         NotFinite::check(window, self.index.dims)?;
-        self.window.clear();
-        self.window.extend(window.chunks_exact(self.index.dims).map(padded::<P>));
+        self.window.set(window, self.index.dims);
         let rested = self.least_recent();
         self.search.left = self.params.effort;
         let mut chosen = self.best(rested);
@@ -367,7 +385,7 @@ impl<const P: usize> Selector for Exact<P> {
         if cut {
             chosen = self.continue_run().or(chosen);
         }
-        // No more units lie before the nearest free one than are barred: that search is short without a limit.
+        // Few units are as near as the nearest free one: that search is short without a limit.
         self.search.left = None;
         let chosen = chosen.or_else(|| self.nearest(rested)).ok_or(NotFinite(0))?;
         self.history.record(chosen.unit);

@@ -213,21 +213,22 @@ fn smooth(rng: &mut Rng, n: usize) -> Vec<f32> {
 
 /// For each target the units within `d_max`, and of those the one of the least sum over the window; exact.
 fn by_ball(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<(u32, bool)> {
-    let at = |x: &[f32], i: usize| [0, 1, 2].map(|d| f64::from(x[3 * i + d]));
-    let (a, b): (Vec<_>, Vec<_>) = (
-        (0..target.len() / 3).map(|i| at(target, i)).collect(),
-        (0..units.features.len() / 3).map(|j| at(units.features, j)).collect(),
-    );
+    fn at(x: &[f32], i: usize) -> &[f32] {
+        &x[3 * i..3 * i + 3]
+    }
+    let (n, m) = (target.len() / 3, units.features.len() / 3);
     let mut picks: Vec<(u32, bool)> = Vec::new();
-    for i in 0..a.len() {
-        let look = p.look.min(a.len() - 1 - i);
+    for i in 0..n {
+        let look = p.look.min(n - 1 - i);
         let barred: Vec<u32> = picks.iter().rev().take(p.cool_off).map(|(unit, _)| *unit).collect();
         let (mut best, mut nearest) = ((f64::INFINITY, 0), (f64::INFINITY, 0));
-        for j in (0..b.len() as u32).filter(|j| !barred.contains(j)) {
-            let d1 = squared(&a[i], &b[j as usize]).sqrt();
+        for j in (0..m as u32).filter(|j| !barred.contains(j)) {
+            let d1 = squared(at(target, i), at(units.features, j as usize)).sqrt();
             nearest = if d1 < nearest.0 { (d1, j) } else { nearest };
-            if d1 <= p.d_max && (j as usize) + look < b.len() {
-                let d2 = (0..=look).map(|k| squared(&a[i + k], &b[j as usize + k]).sqrt()).sum::<f64>();
+            if d1 <= p.d_max && (j as usize) + look < m {
+                let d2 = (0..=look)
+                    .map(|k| squared(at(target, i + k), at(units.features, j as usize + k)).sqrt())
+                    .sum::<f64>();
                 best = if d2 < best.0 { (d2, j) } else { best };
             }
         }
@@ -301,7 +302,7 @@ fn units_that_are_all_as_far_are_not_looked_at_one_by_one_either() {
         }
         // If nothing is near enough, the search for the nearest unit needs no limit.
         let p = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: false, effort: None };
-        let mut selector = Exact::<4>::new(&units, p);
+        let mut selector = Exact::new(&units, p);
         (0..60).for_each(|_| assert!(!selector.choose(&[1.0; 33]).unwrap().cut));
         selector.search.left = Some(10_000);
         selector.nearest(None).unwrap();
@@ -407,18 +408,19 @@ fn neither_threads_nor_the_order_of_the_index_change_a_choice() {
             assert!(pool.install(|| run(&target, &units, &p)) == wanted, "{threads} threads");
         }
         for seed in 0..8 {
-            let mut other = Exact::<4>::new(&units, p.clone());
-            let index = Index::new(&units, &p);
+            let mut other = Exact::new(&units, p.clone());
+            let mut index = Index::new(&units, &p);
             let mut rng = Rng::new(seed);
-            let mut mixed = |tree: &KdTree<4>| {
+            let mut mixed = |tree: &KdTree| {
                 let mut points = tree.items();
                 for k in (1..points.len()).rev() {
                     points.swap(k, rng.below(k + 1));
                 }
-                KdTree::new(points)
+                let (labels, points): (Vec<u32>, Vec<Vec<f32>>) = points.into_iter().unzip();
+                KdTree::new(&labels, &points.concat(), 3)
             };
-            let (by_features, by_mean) = (mixed(&index.by_features), mixed(&index.by_mean));
-            other.index = Arc::new(Index { by_features, by_mean, ..index });
+            (index.by_features, index.by_mean) = (mixed(&index.by_features), mixed(&index.by_mean));
+            other.index = Arc::new(index);
             let chosen = (0..200).map(|i| other.choose(&target[3 * i..3 * (i + 5).min(200)]).unwrap());
             assert!(chosen.eq(wanted.iter().copied()), "{seed}");
         }
