@@ -3,6 +3,7 @@
 use crate::warp::spline::Pair;
 use crate::warp::spline::kernel::thin_plate;
 use crate::warp::spline::linear::principal;
+use fearless_simd::{Level, dispatch};
 
 /// Nodes nearer than this, relative to the scale of all, are one.
 const MERGE_DISTANCE: f64 = 1e-9;
@@ -122,12 +123,13 @@ impl Nodes {
     /// Kernels between all nodes, each times the roots of both weights.
     pub fn kernels(&self, d: usize, roots: &[f64]) -> Vec<f64> {
         let n = self.len();
+        let columns: Vec<Vec<f64>> =
+            (0..d).map(|axis| self.points.iter().skip(axis).step_by(d).copied().collect()).collect();
         let mut k = vec![0.0; n * n];
         for i in 0..n {
-            for j in 0..i {
-                let u = roots[i] * roots[j] * thin_plate(self.distance(d, i, j));
-                (k[i * n + j], k[j * n + i]) = (u, u);
-            }
+            // All instruction sets compute the same bits.
+            dispatch!(Level::new(), _simd => kernel_row(&columns, roots, i, &mut k[i * n..i * n + i]));
+            (0..i).for_each(|j| k[j * n + i] = k[i * n + j]);
         }
         k
     }
@@ -141,6 +143,16 @@ impl Nodes {
             .sum();
         self.scale * all / (n * n.saturating_sub(1) / 2).max(1) as f64
     }
+}
+
+/// Kernels between node `i` and those before it, from coordinates `[d][n]`.
+#[inline(always)]
+fn kernel_row(columns: &[Vec<f64>], roots: &[f64], i: usize, row: &mut [f64]) {
+    for column in columns {
+        let x = column[i];
+        row.iter_mut().zip(column).for_each(|(square, y)| *square += (x - y) * (x - y));
+    }
+    row.iter_mut().zip(roots).for_each(|(u, root)| *u = roots[i] * root * thin_plate(*u));
 }
 
 /// Number of directions in which the starts of pairs spread.

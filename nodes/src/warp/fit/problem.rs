@@ -2,7 +2,7 @@
 
 use super::nodes::Nodes;
 use super::report::{FitError, FitReport, MAX_NODES, Stiffness};
-use crate::warp::spline::linear::{Reflection, Tridiagonal, dot, inverse_of_positive};
+use crate::warp::spline::linear::{Cholesky, Reflection, Tridiagonal, dot};
 use crate::warp::spline::{Pair, Tps};
 use std::sync::OnceLock;
 
@@ -86,13 +86,8 @@ impl Problem {
     /// `M = Q2 (Q2^T (K + lambda) Q2)^-1 Q2^T`, `[n, n]`, and `M v` for each output.
     pub fn inverse(&self, lambda: f64) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
         let (n, p) = (self.nodes.len(), self.triangle.len());
-        let (m, shift) = (n - p, self.scaled_lambda(lambda));
-        let mut core = Vec::with_capacity(m * m);
-        for (k, row) in self.reduced.chunks_exact(n.max(1)).skip(p).enumerate() {
-            core.extend_from_slice(&row[p..]);
-            core[k * m + k] += shift;
-        }
-        let core = inverse_of_positive(core, m)?;
+        let m = n - p;
+        let core = self.factored(lambda)?.inverse();
         let mut matrix = vec![0.0; n * n];
         for (row, inverse) in matrix.chunks_exact_mut(n.max(1)).skip(p).zip(core.chunks_exact(m.max(1))) {
             row[p..].copy_from_slice(inverse);
@@ -102,6 +97,18 @@ impl Problem {
         let product = |v: &Vec<f64>| matrix.chunks_exact(n.max(1)).map(|row| dot(row, v)).collect();
         let moved = (0..self.d).map(|i| product(&self.scaled_moves(i))).collect();
         Some((matrix, moved))
+    }
+
+    /// `Q2^T (K + lambda) Q2` as a product.
+    fn factored(&self, lambda: f64) -> Option<Cholesky> {
+        let (n, p) = (self.nodes.len(), self.triangle.len());
+        let (m, shift) = (n - p, self.scaled_lambda(lambda));
+        let mut core = Vec::with_capacity(m * m);
+        for (k, row) in self.reduced.chunks_exact(n.max(1)).skip(p).enumerate() {
+            core.extend_from_slice(&row[p..]);
+            core[k * m + k] += shift;
+        }
+        Cholesky::of(&core, m)
     }
 
     /// Degrees of freedom, from the matrix of [`Problem::inverse`].
@@ -193,17 +200,29 @@ impl Problem {
         lambda / (self.nodes.scale * self.nodes.scale)
     }
 
-    /// Solves for one lambda (plain units).
+    /// Solves for one lambda (plain units): by the form if there is one, otherwise by a factor, which is faster than making a form.
     pub fn solve(&self, lambda: f64) -> Option<Solution> {
         let (n, p) = (self.nodes.len(), self.triangle.len());
         let scaled_lambda = self.scaled_lambda(lambda);
-        let form = self.form();
-        let mut rest = form.moves.clone();
-        let trace = form.matrix.solve(scaled_lambda, &mut rest)?;
+        let form = self.form.get();
+        let (rest, trace) = match form {
+            Some(form) => {
+                let mut rest = form.moves.clone();
+                let trace = form.matrix.solve(scaled_lambda, &mut rest)?;
+                (rest, trace)
+            }
+            None => {
+                let factor = self.factored(lambda)?;
+                let moves = |i: usize| self.reflected(self.scaled_moves(i)).split_off(p.min(n));
+                let mut rest: Vec<Vec<f64>> = (0..self.d).map(moves).collect();
+                factor.solve(&mut rest);
+                (rest, factor.trace_of_inverse())
+            }
+        };
         let scaled = rest.into_iter().map(|g| {
             let mut all = vec![0.0; p];
             all.extend(g);
-            form.reflections.iter().rev().for_each(|r| r.apply(&mut all));
+            form.iter().flat_map(|form| form.reflections.iter().rev()).for_each(|r| r.apply(&mut all));
             self.unreflected(all)
         });
         Some(Solution {
@@ -223,6 +242,7 @@ impl Problem {
     fn cross_validated(&self) -> f64 {
         let n = self.nodes.len() as f64;
         let grid = (0..=36).map(|k| 10_f64.powf(-2.0 + f64::from(k) / 4.0));
+        self.form();
         let scored = grid.filter_map(|lambda| {
             let solution = self.solve(lambda)?;
             let free = n - solution.freedom;
@@ -253,7 +273,7 @@ impl Problem {
             }
             for (k, left) in left.iter_mut().enumerate() {
                 let row = &self.kernels[k * n..(k + 1) * n];
-                *left -= row.iter().zip(w).map(|(k, w)| k * w).sum::<f64>() + solution.lambda * w[k];
+                *left -= dot(row, w) + solution.lambda * w[k];
             }
             let mut a = self.reflected(left);
             for k in (0..p).rev() {

@@ -88,7 +88,7 @@ impl Node for TpsWarp {
     type Params = TpsWarpParams;
     type Ports = TpsWarpPorts;
     const NAME: &'static str = "TpsWarp";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Worker;
     const COST: f64 = 250.0;
 

@@ -1,16 +1,15 @@
 //! Features warped by several splines at once, such as those that leave out one correspondence each.
 
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
-use super::kernel::thin_plate;
-use super::tps::{Tps, Warper};
+use super::linear::dot;
+use super::tps::{LANES, Tps, Warper, columns, scaled_nodes, set_kernels};
 
 /// Units in a part that one thread warps at a time.
 const CHUNK: usize = 512;
 /// Units whose kernels are stored for the weights of all splines.
 const BATCH: usize = 4;
-/// Number of sums that a processor holds at once.
-const LANES: usize = 4;
 
 /// Warped features for each of some splines, `[units, d]` each; on all cores.
 ///
@@ -61,39 +60,38 @@ impl<'a> Shared<'a> {
     fn new(splines: &'a [&'a Tps]) -> Self {
         let (d, n) = splines.first().map_or((1, 0), |tps| (tps.dims.max(1), tps.len()));
         let padded = n.next_multiple_of(LANES);
-        let mut nodes = vec![0.0; d * padded];
-        let mut weights = vec![0.0; splines.len() * d * padded];
-        if let Some(tps) = splines.first() {
-            for (k, node) in tps.nodes.chunks_exact(d).enumerate() {
-                for (i, (x, centre)) in node.iter().zip(&tps.centre).enumerate() {
-                    nodes[i * padded + k] = (x - centre) / tps.scale;
-                }
-            }
-        }
-        for (tps, rows) in splines.iter().zip(weights.chunks_exact_mut((d * padded).max(1))) {
-            for (k, own) in tps.weights.chunks_exact(d).enumerate() {
-                own.iter().enumerate().for_each(|(i, w)| rows[i * padded + k] = *w);
-            }
-        }
+        let nodes = splines.first().map_or_else(Vec::new, |tps| columns(&scaled_nodes(tps), d, padded));
+        let weights = splines.iter().flat_map(|tps| columns(&tps.weights, d, padded)).collect();
         Self { splines, d, padded, nodes, weights }
     }
 
     fn warp(&self, features: &[f32]) -> Vec<Vec<f32>> {
         let d = self.d;
-        let parts: Vec<Vec<Vec<f32>>> = features.par_chunks(CHUNK * d).map(|part| self.part(part)).collect();
+        let parts: Vec<Vec<Vec<f32>>> = features
+            .par_chunks(CHUNK * d)
+            // All instruction sets compute the same bits.
+            .map(|part| dispatch!(Level::new(), _simd => self.part(part)))
+            .collect();
         let of = |k: usize| parts.iter().filter_map(move |part| part.get(k)).flatten().copied().collect();
         (0..self.splines.len()).map(of).collect()
     }
 
     /// A part of the features, warped by each spline.
+    #[inline(always)]
     fn part(&self, features: &[f32]) -> Vec<Vec<f32>> {
         let (d, padded) = (self.d, self.padded);
         let mut out = vec![Vec::with_capacity(features.len()); self.splines.len()];
         let mut kernels = vec![0.0; BATCH * padded];
-        let mut at = vec![[0.0; BATCH]; d];
+        let mut at = vec![0.0; BATCH * d];
+        let first = self.splines[0];
+        let inverse = 1.0 / first.scale;
         for units in features.chunks(BATCH * d) {
             for (u, unit) in units.chunks_exact(d).enumerate() {
-                self.kernels(unit, u, &mut at, &mut kernels[u * padded..(u + 1) * padded]);
+                let at = &mut at[u * d..(u + 1) * d];
+                for ((at, x), centre) in at.iter_mut().zip(unit).zip(&first.centre) {
+                    *at = (f64::from(*x) - centre) * inverse;
+                }
+                set_kernels(&self.nodes, at, &mut kernels[u * padded..(u + 1) * padded]);
             }
             let count = units.len() / d;
             for (k, (tps, out)) in self.splines.iter().zip(&mut out).enumerate() {
@@ -103,7 +101,7 @@ impl<'a> Shared<'a> {
                     let row = &self.weights[(k * d + i) * padded..(k * d + i + 1) * padded];
                     let sums = products(row, &kernels, padded);
                     for (u, sum) in sums.into_iter().enumerate().take(count) {
-                        let slope = |j: usize| tps.affine[(j + 1) * d + i] * at[j][u];
+                        let slope = |j: usize| tps.affine[(j + 1) * d + i] * at[u * d + j];
                         let moved = sum + tps.affine[i] + (0..d).map(slope).sum::<f64>();
                         out[start + u * d + i] = (f64::from(units[u * d + i]) + moved) as f32;
                     }
@@ -112,35 +110,12 @@ impl<'a> Shared<'a> {
         }
         out
     }
-
-    /// Kernels between a unit and all nodes; `at` becomes its scaled coordinates.
-    fn kernels(&self, unit: &[f32], slot: usize, at: &mut [[f64; BATCH]], kernels: &mut [f64]) {
-        let first = self.splines[0];
-        kernels.fill(0.0);
-        for (i, ((at, x), centre)) in at.iter_mut().zip(unit).zip(&first.centre).enumerate() {
-            let x = (f64::from(*x) - centre) / first.scale;
-            at[slot] = x;
-            let nodes = &self.nodes[i * self.padded..(i + 1) * self.padded];
-            kernels.iter_mut().zip(nodes).for_each(|(sum, node)| *sum += (x - node) * (x - node));
-        }
-        kernels.iter_mut().for_each(|u| *u = thin_plate(*u));
-    }
 }
 
 /// Sums of products of one row of weights with the kernels of each unit, `[BATCH][padded]`.
+#[inline(always)]
 fn products(row: &[f64], kernels: &[f64], padded: usize) -> [f64; BATCH] {
-    let mut sums = [[0.0; LANES]; BATCH];
-    let unit = |u: usize| kernels[u * padded..(u + 1) * padded].as_chunks::<LANES>().0;
-    let [a, b, c, d] = [unit(0), unit(1), unit(2), unit(3)];
-    for ((((w, a), b), c), d) in row.as_chunks::<LANES>().0.iter().zip(a).zip(b).zip(c).zip(d) {
-        for lane in 0..LANES {
-            sums[0][lane] += w[lane] * a[lane];
-            sums[1][lane] += w[lane] * b[lane];
-            sums[2][lane] += w[lane] * c[lane];
-            sums[3][lane] += w[lane] * d[lane];
-        }
-    }
-    sums.map(|s| (s[0] + s[1]) + (s[2] + s[3]))
+    std::array::from_fn(|u| dot(row, &kernels[u * padded..(u + 1) * padded]))
 }
 
 #[cfg(test)]

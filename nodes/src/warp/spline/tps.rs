@@ -1,13 +1,14 @@
 //! A thin-plate spline in any number of dimensions: evaluation and Jacobian.
 
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::kernel::thin_plate;
-use super::linear::solve_dense;
+use super::linear::{dot, solve_dense};
 
-/// Number of nodes processed together, so that radii and kernels of a group stay in registers and in the cache.
-const GROUP: usize = 32;
+/// Numbers of nodes are filled up to a multiple of this, so that vector registers are full.
+pub(super) const LANES: usize = 16;
 
 /// W(f) = f + [1, g] A + sum_k w_k U(|g - g_k|) with g = (f - centre) / scale and U(r) = r^2 ln r^2.
 ///
@@ -93,35 +94,32 @@ pub struct Warper {
     centre: Vec<f64>,
     inverse: f64,
     affine: Vec<f64>,
-    /// Nodes in groups: `[groups, d, GROUP]`, scaled; the last group is filled up with nodes without weight.
-    nodes: Vec<[f64; GROUP]>,
-    weights: Vec<[f64; GROUP]>,
+    /// Scaled coordinates of the nodes, `[d][padded]`: up to whole lanes there are nodes without weight.
+    nodes: Vec<f64>,
+    /// `[d][padded]`.
+    weights: Vec<f64>,
     at: Vec<f64>,
+    kernels: Vec<f64>,
     sums: Vec<f64>,
+    level: Level,
 }
 
 impl Warper {
     /// Lays a spline out.
     #[must_use]
     pub fn new(tps: &Tps) -> Self {
-        let (d, n) = (tps.dims, tps.len());
-        let inverse = 1.0 / tps.scale;
-        let grouped = |value: &dyn Fn(usize, usize) -> f64| {
-            let groups = n.div_ceil(GROUP) * d;
-            let group = |g: usize| std::array::from_fn(|k| value(g / d * GROUP + k, g % d));
-            (0..groups).map(group).collect()
-        };
-        let node =
-            |k: usize, i: usize| tps.nodes.get(k * d + i).map_or(0.0, |x| (x - tps.centre[i]) * inverse);
+        let (d, padded) = (tps.dims, tps.len().next_multiple_of(LANES));
         Self {
             dims: d,
             centre: tps.centre.clone(),
-            inverse,
+            inverse: 1.0 / tps.scale,
             affine: tps.affine.clone(),
-            nodes: grouped(&node),
-            weights: grouped(&|k, i| tps.weights.get(k * d + i).copied().unwrap_or(0.0)),
+            nodes: columns(&scaled_nodes(tps), d, padded),
+            weights: columns(&tps.weights, d, padded),
             at: vec![0.0; d],
+            kernels: vec![0.0; padded],
             sums: vec![0.0; d],
+            level: Level::new(),
         }
     }
 
@@ -144,16 +142,13 @@ impl Warper {
         for (x, row) in self.at.iter().zip(self.affine[d..].chunks_exact(d)) {
             self.sums.iter_mut().zip(row).for_each(|(s, a)| *s += x * a);
         }
-        for (nodes, weights) in self.nodes.chunks_exact(d).zip(self.weights.chunks_exact(d)) {
-            let mut u = [0.0; GROUP];
-            for (x, nodes) in self.at.iter().zip(nodes) {
-                u.iter_mut().zip(nodes).for_each(|(u, n)| *u += (x - n) * (x - n));
-            }
-            u.iter_mut().for_each(|u| *u = thin_plate(*u));
-            for (sum, weights) in self.sums.iter_mut().zip(weights) {
-                *sum += total(&u, weights);
-            }
-        }
+        let Self { at, nodes, weights, kernels, sums, .. } = self;
+        // All instruction sets compute the same bits.
+        dispatch!(self.level, _simd => {
+            set_kernels(nodes, at, kernels);
+            let rows = weights.chunks_exact(kernels.len().max(1));
+            sums.iter_mut().zip(rows).for_each(|(sum, row)| *sum += dot(row, kernels));
+        });
         &self.sums
     }
 
@@ -186,32 +181,55 @@ impl Warper {
             }
             j[row * d + row] += 1.0;
         }
-        for (nodes, weights) in self.nodes.chunks_exact(d).zip(self.weights.chunks_exact(d)) {
-            for k in 0..GROUP {
-                let square: f64 = (0..d).map(|i| (at[i] - nodes[i][k]).powi(2)).sum();
-                if square == 0.0 {
-                    continue;
-                }
-                let slope = 2.0 * self.inverse * (thin_plate(square) / square + 1.0);
-                for row in 0..d {
-                    let weight = slope * weights[row][k];
-                    (0..d).for_each(|column| j[row * d + column] += weight * (at[column] - nodes[column][k]));
-                }
+        let padded = self.kernels.len();
+        for k in 0..padded {
+            let apart = |i: usize| at[i] - self.nodes[i * padded + k];
+            let square: f64 = (0..d).map(|i| apart(i).powi(2)).sum();
+            if square == 0.0 {
+                continue;
+            }
+            let slope = 2.0 * self.inverse * (thin_plate(square) / square + 1.0);
+            for row in 0..d {
+                let weight = slope * self.weights[row * padded + k];
+                (0..d).for_each(|column| j[row * d + column] += weight * apart(column));
             }
         }
         j
     }
 }
 
-/// Sum of products in a fixed order of eight lanes.
-#[inline]
-fn total(a: &[f64; GROUP], b: &[f64; GROUP]) -> f64 {
-    let mut lanes = [0.0; 8];
-    for (a, b) in a.as_chunks::<8>().0.iter().zip(b.as_chunks::<8>().0) {
-        lanes.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
-    }
-    ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]))
+/// Nodes in the coordinates that a spline works in, `[n, d]`.
+pub(super) fn scaled_nodes(tps: &Tps) -> Vec<f64> {
+    let inverse = 1.0 / tps.scale;
+    let scaled = tps.nodes.iter().zip(tps.centre.iter().cycle()).map(|(x, centre)| (x - centre) * inverse);
+    scaled.collect()
 }
+
+/// Vectors `[n, d]` as `[d][padded]`, with zeros after the last.
+pub(super) fn columns(rows: &[f64], d: usize, padded: usize) -> Vec<f64> {
+    let mut out = vec![0.0; d * padded];
+    for (k, row) in rows.chunks_exact(d.max(1)).enumerate() {
+        row.iter().enumerate().for_each(|(i, x)| out[i * padded + k] = *x);
+    }
+    out
+}
+
+/// Kernels between a place and all nodes, `[d][padded]`.
+#[inline(always)]
+pub(super) fn set_kernels(nodes: &[f64], at: &[f64], kernels: &mut [f64]) {
+    let padded = kernels.len();
+    for (k, squares) in kernels.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+        let mut sums = [0.0; LANES];
+        for (i, x) in at.iter().enumerate() {
+            let nodes = &nodes[i * padded + k * LANES..][..LANES];
+            sums.iter_mut().zip(nodes).for_each(|(sum, node)| *sum += (x - node) * (x - node));
+        }
+        *squares = sums;
+    }
+    // Apart from the squares: a processor computes many logarithms at once if nothing waits for them.
+    kernels.iter_mut().for_each(|u| *u = thin_plate(*u));
+}
+
 /// Number of units whose folds one thread checks at a time.
 const CHUNK: usize = 64;
 
