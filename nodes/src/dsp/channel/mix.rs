@@ -38,17 +38,6 @@ pub struct MixNode {
     gains: Vec<Gain>,
 }
 
-/// Adds interleaved samples times a gain that may change with each frame.
-fn add(gain: &mut Gain, input: &[f32], channels: usize, out: &mut [f32]) {
-    let channels = channels.max(1);
-    for (from, to) in input.chunks_exact(channels).zip(out.chunks_exact_mut(channels)) {
-        let gain = gain.advance() as f32;
-        for (x, y) in from.iter().zip(to) {
-            *y += gain * x;
-        }
-    }
-}
-
 fn check_gains(p: &MixParams, inputs: usize) -> Result<(), Reject> {
     if p.gains.is_empty() || p.gains.len() == inputs {
         return Ok(());
@@ -84,16 +73,18 @@ impl Node for MixNode {
     fn build(p: &MixParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let inputs = cx.many(MixPorts::inputs);
         let gain = |k: usize| f64::from(p.gains.get(k).copied().unwrap_or(1.0));
-        let gains =
-            inputs.iter().enumerate().map(|(k, i)| Gain::new(gain(k), ramp_frames(i.rate), 1)).collect();
-        Ok(Self { gains })
+        let gains = inputs
+            .iter()
+            .enumerate()
+            .map(|(k, input)| Gain::new(gain(k), ramp_frames(input.rate), usize::from(input.format.0)));
+        Ok(Self { gains: gains.collect() })
     }
 
     fn run(&mut self, mut io: MixIo<'_>) -> Result<(), Fault> {
         let out = io.out.items();
         out.fill(0.0);
         for (input, gain) in io.inputs.iter().zip(&mut self.gains) {
-            add(gain, input.items(), input.width(), out);
+            gain.add(input.items(), out);
         }
         Ok(())
     }

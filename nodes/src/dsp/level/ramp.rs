@@ -124,6 +124,21 @@ impl Gain {
         }
     }
 
+    /// Adds interleaved samples times the gain to another slice; of two lengths the shorter counts.
+    #[inline]
+    pub fn add(&mut self, samples: &[f32], out: &mut [f32]) {
+        let moving = self.moving_samples(samples.len().min(out.len()));
+        let ((ramp, constant), (out_ramp, out_constant)) =
+            (samples.split_at(moving), out.split_at_mut(moving));
+        let frames = ramp.chunks_exact(self.channels).zip(out_ramp.chunks_exact_mut(self.channels));
+        for (frame, out) in frames {
+            let gain = self.advance() as f32;
+            out.iter_mut().zip(frame).for_each(|(out, x)| *out += gain * x);
+        }
+        let gain = self.target as f32;
+        out_constant.iter_mut().zip(constant).for_each(|(out, x)| *out += gain * x);
+    }
+
     /// Returns the number of the next samples that belong to the ramp.
     fn moving_samples(&self, samples: usize) -> usize {
         let left = self.ramp.saturating_sub(self.elapsed);
