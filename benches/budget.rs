@@ -1,7 +1,7 @@
 //! Cost of the whole chain of cloth in live use: `graphs/cloth/live.ron` with a sheet of 5041 vertices, at 96 kHz in
 //! windows of 256, on a clock without a card.
 //!
-//! `cargo bench --bench budget`, or with `-- 600` for ten minutes instead of one. Budget: half a core for audio, one for the
+//! `cargo bench -p foley -- budget`, or `-- budget 600` for ten minutes instead of one. Budget: half a core for audio, one for the
 //! analysis of the motion, and no window late.
 
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
@@ -142,7 +142,7 @@ fn cpu() -> f64 {
     fields.split_whitespace().skip(11).take(2).filter_map(|x| x.parse::<f64>().ok()).sum::<f64>() / 100.0
 }
 
-fn main() {
+pub fn bench() {
     let seconds: f64 = std::env::args().skip(1).find_map(|arg| arg.parse().ok()).unwrap_or(60.0);
     let folder = tempfile::tempdir().expect("a temporary folder");
     let options = Options { quantum: QUANTUM, metered: true, ..Options::default() };

@@ -1,17 +1,14 @@
 //! Cost of the engine itself: nanoseconds per call of a node in chains of gains, planned memory against memory in use,
 //! and one thread against two.
 //!
-//! `cargo bench --bench engine`, or one part of it: `cargo bench --bench engine -- chain`, `memory` or `threads`.
+//! `cargo bench -p foley -- engine`, or one part of it: `cargo bench -p foley -- engine chain`, `memory` or `threads`.
 
-mod common;
-
-use foley::graph::{DirFiles, Graph, Limits, LoadOptions, Root, load_text};
-use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Report, Values, stage};
+use foley::graph::{Graph, LoadOptions, load_text};
+use foley::plan::PlanOptions;
+use foley::run::Report;
 use foley_nodes::core::time::Rate;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 fn chain(nodes: usize) -> Graph {
@@ -33,53 +30,24 @@ fn per_node(nodes: usize, block: i64) -> f64 {
 
 /// Nanoseconds per window.
 fn per_step(nodes: usize, block: i64) -> f64 {
-    let graph = chain(nodes);
-    let files = DirFiles::new(Root::default(), Limits::default());
-    let options = PlanOptions {
-        window: Rate::hz(48_000).tick(block),
-        until: Some(i64::MAX / 8),
-        memory: usize::MAX,
-        ..PlanOptions::default()
-    };
-    let plan = Plan::new(&graph, &files, &options).expect("the chain can be planned");
-    let folder = std::env::temp_dir();
-    let outputs = DirOutputs::new(&folder);
-    let job = Job {
-        graph: &graph,
-        plan: &plan,
-        files: &files,
-        outputs: &outputs,
-        taps: &[],
-        threads: 1,
-        seed: 0,
-        memo: None,
-        progress: Arc::new(Progress::default()),
-    };
-    let region = &plan.phases[0].regions[0];
-    let mut stage = stage(&job, region, &Values::new()).expect("the chain can be built");
-    stage.set_timed(false);
-    let calls = region.nodes.len();
-    // Many short runs: the best of them is one that nothing else on the machine came between.
-    let steps = (20_000 / ((calls as i64 + 20) * block.max(256) / 256)).max(3);
-    let mut now = 0;
-    let mut best = f64::INFINITY;
-    for _ in 0..400 {
-        let start = Instant::now();
-        for _ in 0..steps {
-            now += options.window;
-            stage.advance(now);
-            stage.run().expect("gains do not fail");
+    crate::common::with_windows(&chain(nodes), block, |step, calls| {
+        // Many short runs: the best of them is one that nothing else on the machine came between.
+        let steps = (20_000 / ((calls as i64 + 20) * block.max(256) / 256)).max(3);
+        let mut best = f64::INFINITY;
+        for _ in 0..400 {
+            let start = Instant::now();
+            (0..steps).for_each(|_| step());
+            best = best.min(start.elapsed().as_nanos() as f64 / steps as f64);
         }
-        best = best.min(start.elapsed().as_nanos() as f64 / steps as f64);
-    }
-    best
+        best
+    })
 }
 
 /// A run of an example graph, a minute of it at most.
 fn played(path: &Path, threads: usize) -> Report {
     let out = tempfile::tempdir().expect("a folder for the bench");
     let options = PlanOptions { threads, until: Some(Rate::hz(1).tick(60)), ..PlanOptions::default() };
-    common::run_by(path, &[], out.path(), None, &options).1
+    crate::common::run_by(path, &[], out.path(), None, &options).1
 }
 
 /// Seconds to run an example graph on one and on two threads, in turn: a machine that is slower for a while is so for both.
@@ -98,7 +66,7 @@ fn seconds(path: &Path) -> [f64; 2] {
 /// The most that a process has taken never falls: every graph has a process of its own.
 fn memory_in_child(path: &Path) -> Option<String> {
     let bench = std::env::current_exe().ok()?;
-    let child = std::process::Command::new(bench).arg(ONE).arg(path).output().ok()?;
+    let child = std::process::Command::new(bench).args(["engine", ONE]).arg(path).output().ok()?;
     let text = String::from_utf8(child.stdout).ok()?;
     (!text.is_empty()).then_some(text)
 }
@@ -136,7 +104,7 @@ fn chains() {
     }
 }
 
-fn main() {
+pub fn bench() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     if let Some(at) = args.iter().position(|arg| arg == ONE) {
         return args.get(at + 1).map_or((), |path| memory(Path::new(path)));

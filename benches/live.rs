@@ -1,6 +1,6 @@
 //! Cost of live use: time from a saved file to its sound, the callback around a swap, and an idle graph per node.
 //!
-//! `cargo bench --bench live`
+//! `cargo bench -p foley -- live`
 
 use foley::graph::{DirFiles, Limits, LoadOptions, load};
 use foley::live::device::{self, Device};
@@ -174,7 +174,7 @@ fn idle() {
     }
 }
 
-fn main() {
+pub fn bench() {
     swaps();
     idle();
     saves();

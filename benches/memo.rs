@@ -1,9 +1,7 @@
 //! Time that the cache saves: a graph of 30 nodes, run with an empty cache, then after an edit of its last, a middle
 //! and its first parameter, each against the same run without the cache.
 //!
-//! `cargo bench --bench memo`
-
-mod common;
+//! `cargo bench -p foley -- memo`
 
 use foley::memo::{MEMORY, Memo};
 use foley::run::Report;
@@ -54,11 +52,11 @@ fn text(edit: &Edit) -> String {
 }
 
 fn run_once(folder: &Path, edit: &Edit, memo: Option<&Memo>) -> (f64, Report, Vec<u8>) {
-    let (seconds, report) = common::run_text(folder, &text(edit), memo);
+    let (seconds, report) = crate::common::run_text(folder, &text(edit), memo);
     (seconds, report, std::fs::read(folder.join("out/out.wav")).unwrap_or_default())
 }
 
-fn main() {
+pub fn bench() {
     let folder = tempfile::tempdir().expect("a folder for the bench");
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/assets/recordings");
     for k in 1..4 {

@@ -2,9 +2,7 @@
 //! over almost four minutes of recordings, as in the paper's cotton sheet, and of `graphs/cloth/sheet.ron` with a
 //! minute of motion.
 //!
-//! `cargo bench --bench sheet`
-
-mod common;
+//! `cargo bench -p foley -- sheet`
 
 use foley::graph::Override;
 use foley::memo::{MEMORY, Memo};
@@ -80,10 +78,10 @@ fn pairs(moved: usize) -> String {
 }
 
 fn run_once(folder: &Path, lambda: f64, memo: &Memo) -> (f64, Report) {
-    common::run_text(folder, &text(lambda), Some(memo))
+    crate::common::run_text(folder, &text(lambda), Some(memo))
 }
 
-fn main() {
+pub fn bench() {
     let folder = tempfile::tempdir().expect("a folder for the bench");
     let folder = folder.path();
     for k in 0..3 {
@@ -167,7 +165,7 @@ fn shipped(folder: &Path) {
         if let Some(last) = sets.last_mut() {
             last.value = lambda.into();
         }
-        let (seconds, report) = common::run_file(&graph, &sets, folder, Some(&memo()));
+        let (seconds, report) = crate::common::run_file(&graph, &sets, folder, Some(&memo()));
         let cached = report.nodes.iter().filter(|n| n.cached).count();
         println!(
             "sheet.ron over {FRAMES} frames, {what:<28} {seconds:>7.3} s  {cached} of {} nodes cached",
@@ -189,7 +187,7 @@ fn sleep(folder: &Path) {
                 target: format!("{id}.{node}.keep_room_tone"),
                 value: keep.to_string(),
             });
-            let (_, report) = common::run_file(&path, &sets, folder, None);
+            let (_, report) = crate::common::run_file(&path, &sets, folder, None);
             let node = report.nodes.iter().find(|n| n.id == format!("{id}.selector"));
             node.map_or((0.0, 0.0), |n| {
                 let share = n.summary.get("asleep_share").and_then(serde_json::Value::as_f64);

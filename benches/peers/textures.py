@@ -1,6 +1,6 @@
 """Filters of textures by OpenCV and scikit-image, on the images of `nodes/benches/image.rs` and `nodes/benches/isophotes.rs`.
 
-    FOLEY_BENCH_IMAGES=/tmp cargo bench -p foley-nodes --bench isophotes
+    FOLEY_BENCH_IMAGES=/tmp cargo bench -p foley-nodes -- isophotes
     python3 benches/peers/textures.py /tmp
 
 Needs NumPy, OpenCV and scikit-image; without a folder the isophotes are left out. Prints the best of some runs in ms.

@@ -1,8 +1,9 @@
 //! Time per frame of contact detection and slip: a cloth slides over a sphere; its hem has folds in self contact.
 //!
-//! Run with `cargo bench -p foley-nodes --bench contact`. One core. "Cold" is the first frame; the others are faster, since
+//! Run with `cargo bench -p foley-nodes -- contact`. One core. "Cold" is the first frame; the others are faster, since
 //! each search starts from the contact of the frame before. The reference is brute force on a few vertices of the same frame.
 
+use crate::common::sheet;
 use std::f32::consts::{PI, TAU};
 use std::hint::black_box;
 use std::time::Instant;
@@ -16,17 +17,6 @@ const SIDE: f32 = 1.6;
 const FRAMES: usize = 60;
 /// Frames per minute.
 const MINUTE: f64 = 3600.0;
-
-fn sheet(n: usize) -> Topology {
-    let at = |k: usize| (k as f32 / (n - 1) as f32 - 0.5) * SIDE;
-    let rest = (0..n * n).map(|v| [at(v % n), at(v / n), 0.0]).collect();
-    let mut triangles = Vec::new();
-    for corner in (0..n * (n - 1)).filter(|v| v % n < n - 1) {
-        let (a, b, c, d) = (corner as u32, corner as u32 + 1, (corner + n) as u32, (corner + n) as u32 + 1);
-        triangles.extend([[a, b, d], [a, d, c]]);
-    }
-    Topology { rest, triangles }
-}
 
 fn sphere(rows: usize, columns: usize) -> Topology {
     let mut mesh = Topology::default();
@@ -77,7 +67,7 @@ fn turned(mesh: &Topology, time: f32, out: &mut Vec<[f32; 3]>) {
 }
 
 fn measure(n: usize, body: &Topology, params: DetectorParams) {
-    let cloth = sheet(n);
+    let cloth = sheet(n, SIDE);
     let vertices = cloth.rest.len();
     let started = Instant::now();
     let mut detector = Detector::new(&cloth, &[body], params).expect("the bench's meshes are sound");
@@ -140,7 +130,7 @@ fn measure(n: usize, body: &Topology, params: DetectorParams) {
     );
 }
 
-fn main() {
+pub fn bench() {
     let body = sphere(122, 246);
     for (n, radius) in [(100, 0.01), (142, 0.01), (142, 0.02), (142, 0.05)] {
         measure(n, &body, DetectorParams { radius, ..DetectorParams::default() });

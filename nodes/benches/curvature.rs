@@ -1,7 +1,8 @@
 //! Time per frame of curvature, buckling and crumple events on a sheet of about 20,000 vertices with travelling waves.
 //!
-//! Run with `cargo bench -p foley-nodes --bench curvature`. One core. The budget for curvature and events together is 4 ms.
+//! Run with `cargo bench -p foley-nodes -- curvature`. One core. The budget for curvature and events together is 4 ms.
 
+use crate::common::sheet;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -17,17 +18,6 @@ const FRAMES: usize = 60;
 /// Frames per minute.
 const MINUTE: f64 = 3600.0;
 
-fn sheet() -> Topology {
-    let at = |k: usize| k as f32 / (N - 1) as f32;
-    let rest = (0..N * N).map(|v| [at(v % N), at(v / N), 0.0]).collect();
-    let mut triangles = Vec::new();
-    for corner in (0..N * (N - 1)).filter(|v| v % N < N - 1) {
-        let (a, b, c, d) = (corner as u32, corner as u32 + 1, (corner + N) as u32, (corner + N) as u32 + 1);
-        triangles.extend([[a, b, d], [a, d, c]]);
-    }
-    Topology { rest, triangles }
-}
-
 /// Moves the sheet by waves of several directions, so that some hundred vertices snap in each frame.
 fn moved(sheet: &Topology, frame: usize) -> Vec<[f32; 3]> {
     let t = frame as f32 / 60.0;
@@ -36,7 +26,7 @@ fn moved(sheet: &Topology, frame: usize) -> Vec<[f32; 3]> {
             + 0.01 * (23.0 * y - 11.0 * x + 3.0 * t).sin()
             + 0.004 * (61.0 * x * y + t).sin()
     };
-    sheet.rest.iter().map(|p| [p[0], p[1], high(p[0], p[1])]).collect()
+    sheet.rest.iter().map(|p| [p[0], p[1], high(p[0] + 0.5, p[1] + 0.5)]).collect()
 }
 
 fn median(mut times: Vec<f64>) -> (f64, f64) {
@@ -44,8 +34,8 @@ fn median(mut times: Vec<f64>) -> (f64, f64) {
     (times[times.len() / 2], times[times.len() - 1])
 }
 
-fn main() {
-    let topology = sheet();
+pub fn bench() {
+    let topology = sheet(N, 1.0);
     let vertices = topology.rest.len();
     let frames: Vec<Vec<[f32; 3]>> = (0..FRAMES).map(|k| moved(&topology, k)).collect();
     println!(

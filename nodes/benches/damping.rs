@@ -1,7 +1,8 @@
 //! Time of fits of damping, of their reference methods, and of the features of a recording.
 //!
-//! Run with `cargo bench -p foley-nodes --bench damping`. The paper states 16.3 s for 752 points, of 39,009 steps along the gradient.
+//! Run with `cargo bench -p foley-nodes -- damping`. The paper states 16.3 s for 752 points, of 39,009 steps along the gradient.
 
+use crate::common::best;
 use foley_nodes::core::random::Rng;
 use foley_nodes::material::estimation::fit::fit;
 use foley_nodes::material::estimation::hierarchical::fit_hierarchical;
@@ -14,8 +15,6 @@ use foley_nodes::material::{DampingPoint, Family, FitOptions};
 use foley_nodes::modal::extraction::poles::resynthesis;
 use foley_nodes::modal::{ExtractParams, Feature, extract};
 use std::f64::consts::TAU;
-use std::hint::black_box;
-use std::time::Instant;
 
 /// Each figure is the best of this many repetitions, which is least affected by other programs.
 const REPETITIONS: usize = 7;
@@ -31,16 +30,6 @@ fn points(n: usize) -> Vec<DampingPoint> {
             DampingPoint { recording: (k % 20) as u32, ..DampingPoint::new(lambda, c) }
         })
         .collect()
-}
-
-/// Best time of `work` in milliseconds.
-fn best<T>(mut work: impl FnMut() -> T) -> f64 {
-    let one = |work: &mut dyn FnMut() -> T| {
-        let start = Instant::now();
-        black_box(work());
-        start.elapsed().as_secs_f64()
-    };
-    1e3 * (0..REPETITIONS).map(|_| one(&mut work)).fold(f64::INFINITY, f64::min)
 }
 
 /// The features of 2 s of sound with 40 modes in noise 60 dB below its peak.
@@ -60,11 +49,11 @@ fn features() {
         .collect();
     let params = ExtractParams::default();
     let found = extract(&sound, 44_100.0, &params).map_or(0, |found| found.features.len());
-    let ms = best(|| extract(&sound, 44_100.0, &params));
+    let ms = best(REPETITIONS, || extract(&sound, 44_100.0, &params));
     println!("| {found} modes | features of a 2 s recording of {} modes | {ms:.0} |", modes.len());
 }
 
-fn main() {
+pub fn bench() {
     println!("| points | what | ms |\n|---|---|---|");
     for n in [752, 10_000] {
         let points = points(n);
@@ -72,20 +61,20 @@ fn main() {
         let Ok(found) = fit(&points, &paper) else { return };
         let row = |what: &str, ms: f64| println!("| {n} | {what} | {ms:.3} |");
         println!("| {n} | evaluations of the scan: {} | |", found.effort.evaluations);
-        row("scan and polish, Rayleigh", best(|| fit(&points, &paper)));
-        row("from the optimum of other data (live)", best(|| refit(&found, &found.sample)));
+        row("scan and polish, Rayleigh", best(REPETITIONS, || fit(&points, &paper)));
+        row("from the optimum of other data (live)", best(REPETITIONS, || refit(&found, &found.sample)));
         row(
             "scan and polish, Caughey of 3 terms",
-            best(|| fit(&points, &FitOptions::paper(Family::Caughey(3)))),
+            best(REPETITIONS, || fit(&points, &FitOptions::paper(Family::Caughey(3)))),
         );
-        row("17 starts, hybrid", best(|| fit(&points, &FitOptions::paper(Family::Hybrid))));
-        row("mixture, Rayleigh", best(|| fit_mixture(&points, &MixtureOptions::new(paper))));
-        row("hierarchical, 20 recordings", best(|| fit_hierarchical(&points, &paper)));
+        row("17 starts, hybrid", best(REPETITIONS, || fit(&points, &FitOptions::paper(Family::Hybrid))));
+        row("mixture, Rayleigh", best(REPETITIONS, || fit_mixture(&points, &MixtureOptions::new(paper))));
+        row("hierarchical, 20 recordings", best(REPETITIONS, || fit_hierarchical(&points, &paper)));
         if let Ok(sample) = Sample::new(&points, Family::Rayleigh) {
-            row("lower bound", best(|| lower_bound(&sample)));
+            row("lower bound", best(REPETITIONS, || lower_bound(&sample)));
         }
         let again = |sample: &Sample| refit(&found, sample);
-        row("bootstrap of 500", best(|| bootstrap(&found.sample, &points, 500, 1, again)));
+        row("bootstrap of 500", best(REPETITIONS, || bootstrap(&found.sample, &points, 500, 1, again)));
     }
     features();
 }

@@ -1,7 +1,7 @@
 //! Time to render 60 s of friction sound of 10,000 sliding vertices on one core.
 //!
 //! Per-vertex synthesis is timed over a shorter duration, which is printed, and scaled up. Run with
-//! `cargo bench -p foley-nodes --bench friction`.
+//! `cargo bench -p foley-nodes -- friction`.
 
 use std::error::Error;
 use std::time::Instant;
@@ -86,7 +86,7 @@ fn time<R: Receiver>(
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub fn bench() -> Result<(), Box<dyn Error>> {
     println!(
         "{VERTICES} sliding vertices, {SECONDS} s of sound, 50 ms clips, one core (aim 6 s clustered, 10 s with two ears; the paper took \
          75 to 455 s for a take of unknown size)"

@@ -1,6 +1,6 @@
 //! Time of cutting recordings into grains, of correlating recordings with grains, and of grains that play.
 //!
-//! Run with `cargo bench -p foley-nodes --bench grains`. The case of the paper (Picard et al. 2009) is 94 recordings of 7.3 million samples and
+//! Run with `cargo bench -p foley-nodes -- grains`. The case of the paper (Picard et al. 2009) is 94 recordings of 7.3 million samples and
 //! 5171 grains, which took 11 minutes and 4 hours. By default every eighth recording is correlated; `FOLEY_GRAINS_WHOLE=1` does all.
 
 use foley_nodes::core::computation::NotStored;
@@ -43,7 +43,7 @@ fn recording(rng: &mut Rng, n: usize, k: usize) -> GrainRecording {
     }
 }
 
-fn main() {
+pub fn bench() {
     let threads = rayon::current_num_threads();
     let mut rng = Rng::new(1);
     let recordings: Vec<GrainRecording> =

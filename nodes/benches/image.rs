@@ -1,6 +1,6 @@
 //! Time of the texture filters on smooth images of 512 and 4096 pixels square.
 //!
-//! Run with `cargo bench -p foley-nodes --bench image`. The budgets for all preprocessing, in the last line of each
+//! Run with `cargo bench -p foley-nodes -- image`. The budgets for all preprocessing, in the last line of each
 //! size, are 0.5 s and 30 s. `benches/peers/textures.py` times the same filters of OpenCV and scikit-image on the same images.
 
 use foley_nodes::scrape::SurfaceMap;
@@ -53,7 +53,7 @@ fn preprocess(luma: &Luma) -> Result<f64, Box<dyn Error>> {
     Ok(ms)
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub fn bench() -> Result<(), Box<dyn Error>> {
     for (size, runs) in [(512, 21), (4096, 5)] {
         let image = Grid::from_fn(size, size, |x, y| {
             let (x, y) = (x as f32, y as f32);

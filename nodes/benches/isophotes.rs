@@ -1,9 +1,10 @@
 //! Isophotes of images of 512 and 4096 pixels a side, and the time per block and contact of the excitation force from them.
 //!
-//! Run with `cargo bench -p foley-nodes --bench isophotes`. The images are random numbers at every 16th pixel with cubic interpolation,
+//! Run with `cargo bench -p foley-nodes -- isophotes`. The images are random numbers at every 16th pixel with cubic interpolation,
 //! as in most comparisons of contour tracers, with one level at 0.5 and eight at quantiles. `FOLEY_BENCH_IMAGES=DIR` writes them to `DIR`
 //! for `benches/peers/textures.py`. On Linux the peak memory is printed as well.
 
+use crate::common::best;
 use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::standalone::Standalone;
@@ -20,16 +21,6 @@ use foley_nodes::texture::{
 use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
-
-/// Returns the best time of some runs, in ms, which is least affected by other programs.
-fn best<T>(runs: usize, mut work: impl FnMut() -> T) -> f64 {
-    let one = |work: &mut dyn FnMut() -> T| {
-        let start = Instant::now();
-        black_box(work());
-        start.elapsed().as_secs_f64() * 1e3
-    };
-    (0..runs).map(|_| one(&mut work)).fold(f64::INFINITY, f64::min)
-}
 
 /// Returns a memory figure of this process in bytes, if the system reports it.
 fn memory(what: &str) -> Option<f64> {
@@ -186,7 +177,7 @@ fn force(all: &Isophotes) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub fn bench() -> Result<(), Box<dyn Error>> {
     curves()?;
     force(&rough()?)
 }

@@ -1,6 +1,6 @@
 //! Time to match all levels of detail before a run: LevelMatcher on one image, PairMatcher on two.
 //!
-//! Run with `cargo bench -p foley-nodes --bench levels`. The aim is 1 s.
+//! Run with `cargo bench -p foley-nodes -- levels`. The aim is 1 s.
 
 use foley_nodes::core::item::AnyValue;
 use foley_nodes::core::params::Params;
@@ -67,7 +67,7 @@ fn time(standalone: &Standalone) -> Result<f64, Box<dyn Error>> {
     Ok(best)
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub fn bench() -> Result<(), Box<dyn Error>> {
     let modes = Modes::new("bench", vec![271.0, 410.0, 663.0, 1190.0], vec![9.0; 4], vec![1.0; 4])?;
     println!("ms to match all levels, on all cores                       ms     aim");
     for name in ["sk_brick", "sk_gravel", "tiles"] {

@@ -1,6 +1,6 @@
 //! Mode-samples per second of the modal bank on one core, compared with the same arithmetic in registers.
 //!
-//! Run with `cargo bench -p foley-nodes --bench modal`. A mode-sample is one sample of one mode.
+//! Run with `cargo bench -p foley-nodes -- modal`. A mode-sample is one sample of one mode.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
@@ -171,7 +171,7 @@ fn objects() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub fn bench() -> Result<(), Box<dyn Error>> {
     let level = Level::new();
     let bound = bound(level);
     println!("{level:?}, one core; arithmetic alone: {:.2} G mode-samples/s", bound / 1e9);

@@ -1,6 +1,6 @@
 //! Onsets of real recordings that were labelled by hand, beside librosa and aubio.
 //!
-//! Run with `cargo bench -p foley-nodes --bench onsets`. The labels, `onsets/onsets.csv`, are 219 onsets in 257 spans of 70 recordings,
+//! Run with `cargo bench -p foley-nodes -- onsets`. The labels, `onsets/onsets.csv`, are 219 onsets in 257 spans of 70 recordings,
 //! 59 s. An onset is a new impact or excitation that stands out by about 6 dB in an octave; times were read off waveforms and spectrograms,
 //! and what was doubtful is outside of the spans. 22 of the recordings are in `graphs/assets`; the others are read from `recordings` of the
 //! folder that `FOLEY_DATA` names, and left out if they are not there. librosa and aubio run in Python if it has them.
@@ -58,7 +58,7 @@ fn pairs(labels: &[f64], found: &[f64]) -> usize {
     count
 }
 
-fn main() {
+pub fn bench() {
     let mut all: BTreeMap<String, Labelled> = BTreeMap::new();
     for row in rows("spans.csv") {
         let number = |k: usize| row[k].parse().expect("a number");

@@ -1,13 +1,12 @@
 //! Time to read contact logs, and time per frame of a contact to classify it.
 //!
-//! Run with `cargo bench -p foley-nodes --bench rigid`. One core. The reference is the split of the
+//! Run with `cargo bench -p foley-nodes -- rigid`. One core. The reference is the split of the
 //! text into fields without parsing numbers.
 
+use crate::common::best;
 use foley_nodes::core::time::TICKS_PER_SECOND;
 use foley_nodes::rigid::{Classifier, LogOptions, Manifold, Rules, read_contacts};
 use std::fmt::Write;
-use std::hint::black_box;
-use std::time::Instant;
 
 /// Returns a log of the contact points of a sliding box and of five rolling balls, at 240 frames per second.
 fn log(rows: usize) -> String {
@@ -26,20 +25,10 @@ fn log(rows: usize) -> String {
     text
 }
 
-/// Returns the best time of seven runs, in s.
-fn best<T>(mut work: impl FnMut() -> T) -> f64 {
-    let time = |work: &mut dyn FnMut() -> T| {
-        let start = Instant::now();
-        black_box(work());
-        start.elapsed().as_secs_f64()
-    };
-    (0..7).map(|_| time(&mut work)).fold(f64::INFINITY, f64::min)
-}
-
-fn main() {
+pub fn bench() {
     let text = log(100_000);
     let size = text.len() as f64 / 1e6;
-    let split = best(|| {
+    let split = best(7, || {
         let mut csv = csv::ReaderBuilder::new().from_reader(text.as_bytes());
         let mut record = csv::ByteRecord::new();
         let mut fields = 0;
@@ -48,23 +37,19 @@ fn main() {
         }
         fields
     });
-    println!("100000 rows, {size:.1} MB; fields alone: {:.0} MB/s", size / split);
+    println!("100000 rows, {size:.1} MB; fields alone: {:.0} MB/s", 1e3 * size / split);
     for (name, manifold) in [("centroids", Manifold::Centroid), ("points", Manifold::Points)] {
         let options = LogOptions { manifold, ..LogOptions::default() };
-        let time = best(|| read_contacts(text.as_bytes(), None, &options).map(|track| track.frames.len()));
-        println!("{name}: {:.0} MB/s, {:.0} ms", size / time, time * 1e3);
+        let time = best(7, || read_contacts(text.as_bytes(), None, &options).map(|track| track.frames.len()));
+        println!("{name}: {:.0} MB/s, {:.0} ms", 1e3 * size / time, time);
     }
     let Ok(track) = read_contacts(text.as_bytes(), None, &LogOptions::default()) else { return };
-    let time = best(|| {
+    let time = best(7, || {
         let mut classifier = Classifier::new(Rules::default(), 64);
         let states = track.frames.iter().filter(|(tick, frame)| classifier.take(*tick, frame).is_some());
         states.count()
     });
     let length = track.frames.last().map_or(0, |(tick, _)| *tick) as f64 / TICKS_PER_SECOND as f64;
     let each = time / track.frames.len() as f64;
-    println!(
-        "classified: {:.0} ns per frame of a contact; {length:.0} s in {:.1} ms",
-        each * 1e9,
-        time * 1e3
-    );
+    println!("classified: {:.0} ns per frame of a contact; {length:.0} s in {:.1} ms", each * 1e6, time);
 }

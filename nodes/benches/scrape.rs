@@ -1,6 +1,6 @@
 //! Time per impact, and per contact in a block of 1024 samples at 44.1 kHz for each kind of excitation, on one core.
 //!
-//! Run with `cargo bench -p foley-nodes --bench scrape`. The aims are 2 us for an impact, 15 us for a continuous contact, 100 us
+//! Run with `cargo bench -p foley-nodes -- scrape`. The aims are 2 us for an impact, 15 us for a continuous contact, 100 us
 //! for two textures, and a tenth of a core for 64 contacts on 8 objects of 32 modes.
 
 use foley_nodes::core::random::Rng;
@@ -178,7 +178,7 @@ fn objects(count: usize) -> Result<f64, Box<dyn Error>> {
     Ok((0..REPETITIONS).map(|_| repetition()).fold(f64::MAX, f64::min) * count as f64)
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub fn bench() -> Result<(), Box<dyn Error>> {
     let mut rng = Rng::new(3);
     let grid = Grid::from_fn(512, 512, |_, _| rng.between(-1.0, 1.0) as f32);
     let other = Grid { samples: grid.samples.iter().rev().copied().collect(), ..grid };

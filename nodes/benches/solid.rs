@@ -5,7 +5,7 @@
 //! takes minutes.
 //!
 //! ```text
-//! cargo bench -p foley-nodes --bench solid
+//! cargo bench -p foley-nodes -- solid
 //! ```
 
 use foley_nodes::solid::fem::assembly::Discretisation;
@@ -84,7 +84,7 @@ fn gmsh(mesh: &TetMesh) -> String {
     text + "$EndElements\n"
 }
 
-fn main() {
+pub fn bench() {
     let path = format!("{}/../graphs/assets/meshes/marimba_bar.msh", env!("CARGO_MANIFEST_DIR"));
     let bytes = std::fs::read(&path).expect("the mesh ships with the examples");
     let marimba = read_tets(&bytes, None).expect("the mesh is valid");

@@ -1,6 +1,6 @@
 //! Time and quality of sound textures and of motion queries.
 //!
-//! Run with `cargo bench -p foley-nodes --bench soundtrack`. Real recordings are those of the data beside the repository, or at `FOLEY_DATA`.
+//! Run with `cargo bench -p foley-nodes -- soundtrack`. Real recordings are those of the data beside the repository, or at `FOLEY_DATA`.
 
 use foley_nodes::core::computation::unmonitored;
 use foley_nodes::core::random::{Random, Rng};
@@ -409,7 +409,7 @@ fn direction() {
     }
 }
 
-fn main() {
+pub fn bench() {
     transform();
     textures();
     queries();

@@ -1,6 +1,6 @@
 //! Concatenative synthesis at the size of the takes of the cloth paper: features, database, selection.
 //!
-//! Run with `cargo bench -p foley-nodes --bench unit`, or with `-- global` for global selection only. Each figure is printed with that of
+//! Run with `cargo bench -p foley-nodes -- unit`, or a part of it: `-- unit features`, `global`, `sleep`, `smooth`, `noise` or `database`. Each figure is printed with that of
 //! the paper (eight cores of 2.9 GHz).
 
 use foley_nodes::core::item::Channels;
@@ -56,7 +56,7 @@ fn features(seed: u64, units: usize) -> Vec<f32> {
     TemporalFilter::new(&[20.0, 50.0, 10.0], false).process_segment(&out)
 }
 
-fn of_units() {
+fn of_units() -> Result<(), Box<dyn Error>> {
     let c = FeatureConventions::cloth(RATE, UNIT);
     let (mut cepstrum, x, mut out) = (MelCepstrum::new(&c, 1e-10), noise(1, 400_000), [0.0; 3]);
     let best = (0..10).map(|_| {
@@ -70,6 +70,7 @@ fn of_units() {
         "features              {:>8.2} us per unit and channel, H = 400   (aim 10; paper 24,000)",
         best * 1e6
     );
+    Ok(())
 }
 
 fn of_database() -> Result<(), Box<dyn Error>> {
@@ -255,14 +256,17 @@ fn of_global_selection() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    if std::env::args().any(|arg| arg == "global") {
-        return of_global_selection();
-    }
-    of_units();
-    of_global_selection()?;
-    of_sleep()?;
-    of_selection()?;
-    of_noisy_selection()?;
-    of_database()
+pub fn bench() -> Result<(), Box<dyn Error>> {
+    type Part = (&'static str, fn() -> Result<(), Box<dyn Error>>);
+    let parts: [Part; 6] = [
+        ("features", of_units),
+        ("global", of_global_selection),
+        ("sleep", of_sleep),
+        ("smooth", of_selection),
+        ("noise", of_noisy_selection),
+        ("database", of_database),
+    ];
+    let named = |name: &str| std::env::args().any(|arg| arg == name);
+    let any = parts.iter().any(|(name, _)| named(name));
+    parts.iter().filter(|(name, _)| !any || named(name)).try_for_each(|(_, part)| part())
 }

@@ -1,9 +1,10 @@
 //! Time to fit a thin-plate warp of 420 nodes, to warp ten minutes of units, to rank 15 correspondences, to suggest correspondences, and
 //! to render a head.
 //!
-//! Run with `cargo bench -p foley-nodes --bench warp`. Budgets: 50 ms for the fit and 1 s for the warp on one core, and 1 s from an edit to
+//! Run with `cargo bench -p foley-nodes -- warp`. Budgets: 50 ms for the fit and 1 s for the warp on one core, and 1 s from an edit to
 //! a new ranking.
 
+use crate::common::best;
 use foley_nodes::core::random::Rng;
 use foley_nodes::feature::TemporalFilter;
 use foley_nodes::friction::Receiver;
@@ -12,22 +13,11 @@ use foley_nodes::unit::{SelectorParams, Units};
 use foley_nodes::warp::{
     Baseline, FitError, LeaveOut, Pair, Stiffness, SuggestParams, Tps, Warper, fit, suggest, without,
 };
-use std::hint::black_box;
 use std::time::Instant;
 
 const NODES: usize = 420;
 const UNITS: usize = 144_000;
 const DIMS: usize = 3;
-
-/// Returns the best time of five runs, in ms, which is least affected by other programs.
-fn best<T>(mut work: impl FnMut() -> T) -> f64 {
-    let once = |work: &mut dyn FnMut() -> T| {
-        let start = Instant::now();
-        black_box(work());
-        start.elapsed().as_secs_f64() * 1e3
-    };
-    (0..5).map(|_| once(&mut work)).fold(f64::INFINITY, f64::min)
-}
 
 fn number(k: usize) -> f64 {
     ((k as f64 * 12.9898).sin() * 43_758.545_3).fract()
@@ -137,13 +127,13 @@ fn suggestions() -> Result<(), FitError> {
     Ok(())
 }
 
-fn main() -> Result<(), FitError> {
+pub fn bench() -> Result<(), FitError> {
     diagnosis()?;
     suggestions()?;
     let pairs = pairs();
     let (warp, report) = fit(&pairs, DIMS, Stiffness::Lambda(100.0))?;
-    let fixed = best(|| fit(&pairs, DIMS, Stiffness::Lambda(100.0)));
-    let auto = best(|| fit(&pairs, DIMS, Stiffness::Auto));
+    let fixed = best(5, || fit(&pairs, DIMS, Stiffness::Lambda(100.0)));
+    let auto = best(5, || fit(&pairs, DIMS, Stiffness::Auto));
     println!(
         "fit {NODES} nodes: {fixed:.1} ms, {:.1} degrees of freedom; lambda found in {auto:.1} ms   (aim 50 ms, paper: negligible)",
         report.freedom
@@ -152,7 +142,7 @@ fn main() -> Result<(), FitError> {
     let units: Vec<f32> = (0..UNITS * DIMS).map(|k| 12.0 * number(k) as f32).collect();
     let mut out = vec![0.0; units.len()];
     let mut warper = Warper::new(&warp);
-    let ms = best(|| {
+    let ms = best(5, || {
         for (x, y) in units.chunks_exact(DIMS).zip(out.chunks_exact_mut(DIMS)) {
             warper.warp(x, y);
         }
@@ -168,10 +158,10 @@ fn main() -> Result<(), FitError> {
         let audio: Vec<f32> = (0..second).map(|k| number(k) as f32).collect();
         let mut ears = vec![0.0; 2 * second];
         let mut binaural = Binaural::new(head, 0.0, fs);
-        let ms = best(|| binaural.process(0, &audio, &mut ears, |n| [1.0, (n as f64 * 1e-4).sin(), 0.0]));
+        let ms = best(5, || binaural.process(0, &audio, &mut ears, |n| [1.0, (n as f64 * 1e-4).sin(), 0.0]));
         let mut receiver = HeadReceiver::new(head, fs, 2400, None);
         let (spectrum, mut sum) = (vec![1.0; 1201], [vec![0.0; 1201], vec![0.0; 1201]]);
-        let clip = best(|| {
+        let clip = best(5, || {
             for channel in 0..2 {
                 let [re, im] = &mut sum;
                 receiver.add(channel, Some([1.0, 2.0, 0.5]), (&spectrum, &spectrum), (re, im));

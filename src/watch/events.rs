@@ -1,29 +1,28 @@
 //! Events of the file system, as hints to compare files.
 
 use crossbeam_channel::Sender;
-use notify::{EventKind, RecommendedWatcher, RecursiveMode, event::AccessKind, event::AccessMode};
-use notify_debouncer_full::{DebounceEventResult, DebouncedEvent, Debouncer, NoCache, new_debouncer_opt};
+use notify::event::{AccessKind, AccessMode, ModifyKind, RenameMode};
+use notify::{Event, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant, SystemTime};
-
-/// Time for which events are gathered before they are sent.
-const GATHER_TIME: Duration = Duration::from_millis(30);
+use std::time::{Instant, SystemTime};
 
 /// A hint that files may have changed.
 #[derive(Clone, Debug)]
 pub struct ChangeHint {
     /// Paths that may have changed; empty if the system has lost events.
     pub paths: Vec<PathBuf>,
-    /// Time of the first change.
+    /// Time of the change.
     pub at: Instant,
+    /// True if more is to be expected: the file is being written, or has gone.
+    pub open: bool,
 }
 
 /// Watches folders for events.
 ///
 /// Folders are watched without their sub-folders: the files of a graph may lie beside a large archive.
 pub struct FolderEvents {
-    watcher: Debouncer<RecommendedWatcher, NoCache>,
+    watcher: RecommendedWatcher,
     watched: BTreeMap<PathBuf, Option<Identity>>,
 }
 
@@ -31,7 +30,7 @@ pub struct FolderEvents {
 type Identity = (u64, u64, Option<SystemTime>);
 
 impl FolderEvents {
-    /// Starts to send a hint for each group of events.
+    /// Starts to send a hint for each event.
     ///
     /// # Errors
     /// When the system provides no events.
@@ -39,13 +38,12 @@ impl FolderEvents {
         to: Sender<M>,
         wrap: impl Fn(ChangeHint) -> M + Send + 'static,
     ) -> notify::Result<Self> {
-        let send = move |result: DebounceEventResult| {
+        let send = move |result: notify::Result<Event>| {
             if let Some(hint) = change_hint(result) {
                 let _ = to.send(wrap(hint));
             }
         };
-        let tick = Some(Duration::from_millis(10));
-        let watcher = new_debouncer_opt(GATHER_TIME, tick, send, NoCache, notify::Config::default())?;
+        let watcher = notify::recommended_watcher(send)?;
         Ok(Self { watcher, watched: BTreeMap::new() })
     }
 
@@ -88,20 +86,21 @@ impl FolderEvents {
     }
 }
 
-fn change_hint(result: DebounceEventResult) -> Option<ChangeHint> {
-    let Ok(events) = result else { return Some(ChangeHint { paths: Vec::new(), at: Instant::now() }) };
-    let is_change = |e: &&DebouncedEvent| match e.kind {
+fn change_hint(result: notify::Result<Event>) -> Option<ChangeHint> {
+    let at = Instant::now();
+    let Ok(event) = result else { return Some(ChangeHint { paths: Vec::new(), at, open: false }) };
+    let open = match event.kind {
+        EventKind::Access(AccessKind::Close(AccessMode::Write)) => false,
         // Read access is no change.
-        EventKind::Access(AccessKind::Close(AccessMode::Write)) => true,
-        EventKind::Access(_) => false,
+        EventKind::Access(_) => return None,
+        // Editors that save by a rename have written the whole file before.
+        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both) | ModifyKind::Metadata(_)) => {
+            false
+        }
         _ => true,
     };
-    let changes: Vec<&DebouncedEvent> = events.iter().filter(is_change).collect();
-    let at = changes.iter().map(|e| e.time).min()?;
-    let lost = changes.iter().any(|e| e.need_rescan());
-    let paths =
-        if lost { Vec::new() } else { changes.iter().flat_map(|e| e.paths.iter().cloned()).collect() };
-    Some(ChangeHint { paths, at })
+    let paths = if event.need_rescan() { Vec::new() } else { event.paths };
+    Some(ChangeHint { paths, at, open })
 }
 
 fn identity(folder: &Path) -> Option<Identity> {

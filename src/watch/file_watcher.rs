@@ -11,8 +11,10 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Time without events before files are compared; events are gathered for 30 ms before.
-const QUIET: Duration = Duration::from_millis(20);
+/// Time without events before files are compared, if one of them may still be written.
+const QUIET: Duration = Duration::from_millis(50);
+/// The same if all have been closed or renamed: enough for a program that saves several files.
+const SETTLE: Duration = Duration::from_millis(4);
 /// Maximum time to wait for the end of the events, if a file is written continuously.
 const MAX_WAIT: Duration = Duration::from_secs(10);
 /// Interval of comparisons without an event, since events can get lost.
@@ -27,10 +29,26 @@ pub struct FileWatcher {
     folders: BTreeSet<PathBuf>,
     scan_interval: Duration,
     last_scan: Instant,
-    /// Times of the first and the last event since the last comparison.
-    burst: Option<(Instant, Instant)>,
+    /// Events since the last comparison.
+    burst: Option<Burst>,
     /// The reason why there are no events.
     warning: Option<String>,
+}
+
+/// Events of files that are watched.
+struct Burst {
+    first: Instant,
+    last: Instant,
+    /// Files that may still be written.
+    open: BTreeSet<PathBuf>,
+}
+
+impl Burst {
+    /// Time left until the files can be compared.
+    fn wait(&self) -> Duration {
+        let quiet = if self.open.is_empty() { SETTLE } else { QUIET };
+        quiet.saturating_sub(self.last.elapsed()).min(MAX_WAIT.saturating_sub(self.first.elapsed()))
+    }
 }
 
 impl FileWatcher {
@@ -104,16 +122,24 @@ impl FileWatcher {
     /// Notes a hint.
     pub fn note(&mut self, hint: &ChangeHint) {
         if self.is_relevant(hint) {
-            let first = self.burst.map_or(hint.at, |(first, _)| first);
-            self.burst = Some((first, Instant::now()));
+            let new = || Burst { first: hint.at, last: hint.at, open: BTreeSet::new() };
+            let burst = self.burst.get_or_insert_with(new);
+            burst.last = hint.at;
+            for path in &hint.paths {
+                if hint.open {
+                    burst.open.insert(path.clone());
+                } else {
+                    burst.open.remove(path);
+                }
+            }
         }
     }
 
     /// Returns the time until [`FileWatcher::changed`] has to be called, unless there is a hint.
     #[must_use]
     pub fn timeout(&self) -> Duration {
-        match self.burst {
-            Some((_, last)) => QUIET.saturating_sub(last.elapsed()),
+        match &self.burst {
+            Some(burst) => burst.wait(),
             None => self.scan_interval.saturating_sub(self.last_scan.elapsed()),
         }
     }
@@ -123,9 +149,9 @@ impl FileWatcher {
         while let Ok(hint) = self.received.try_recv() {
             self.note(&hint);
         }
-        let at = match self.burst {
-            Some((first, last)) if last.elapsed() < QUIET && first.elapsed() < MAX_WAIT => return None,
-            Some((first, _)) => first,
+        let at = match &self.burst {
+            Some(burst) if !burst.wait().is_zero() => return None,
+            Some(burst) => burst.first,
             None if self.last_scan.elapsed() >= self.scan_interval => Instant::now(),
             None => return None,
         };

@@ -1,10 +1,10 @@
 //! Functions shared by the benches of whole graphs.
-#![allow(dead_code, reason = "no bench uses all of these functions")]
 
-use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
+use foley::graph::{DirFiles, Graph, Limits, LoadOptions, Override, Root, load};
 use foley::memo::Memo;
 use foley::plan::{Plan, PlanOptions};
-use foley::run::{DirOutputs, Job, Progress, Report, run};
+use foley::run::{DirOutputs, Job, Progress, Report, Values, run, stage};
+use foley_nodes::core::time::Rate;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -49,4 +49,38 @@ pub fn run_by(
     };
     let report = run(&job).expect("the graph runs");
     (start.elapsed().as_secs_f64(), report)
+}
+
+/// Calls `time` with a function that runs the next window of a graph, of so many samples at 48 kHz, on one thread, and with its number of nodes.
+pub fn with_windows<T>(graph: &Graph, samples: i64, time: impl FnOnce(&mut dyn FnMut(), usize) -> T) -> T {
+    let files = DirFiles::new(Root::default(), Limits::default());
+    let options = PlanOptions {
+        window: Rate::hz(48_000).tick(samples),
+        until: Some(i64::MAX / 8),
+        memory: usize::MAX,
+        ..PlanOptions::default()
+    };
+    let plan = Plan::new(graph, &files, &options).expect("the graph can be planned");
+    let outputs = DirOutputs::in_memory().0;
+    let job = Job {
+        graph,
+        plan: &plan,
+        files: &files,
+        outputs: &outputs,
+        taps: &[],
+        threads: 1,
+        seed: 0,
+        memo: None,
+        progress: Arc::new(Progress::default()),
+    };
+    let region = &plan.phases[0].regions[0];
+    let mut stage = stage(&job, region, &Values::new()).expect("the graph can be built");
+    stage.set_timed(false);
+    let mut now = 0;
+    let mut step = || {
+        now += options.window;
+        stage.advance(now);
+        stage.run().expect("the graph runs");
+    };
+    time(&mut step, region.nodes.len())
 }

@@ -1,0 +1,27 @@
+//! Functions shared by several benches.
+
+use foley_nodes::mesh::Topology;
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Returns the best time of some runs, in ms, which is least affected by other programs.
+pub fn best<T>(runs: usize, mut work: impl FnMut() -> T) -> f64 {
+    let one = |work: &mut dyn FnMut() -> T| {
+        let start = Instant::now();
+        black_box(work());
+        start.elapsed().as_secs_f64() * 1e3
+    };
+    (0..runs).map(|_| one(&mut work)).fold(f64::INFINITY, f64::min)
+}
+
+/// Returns a flat square of `n` by `n` vertices around the origin, `side` metres wide, in triangles that all turn the same way.
+pub fn sheet(n: usize, side: f32) -> Topology {
+    let at = |k: usize| (k as f32 / (n - 1) as f32 - 0.5) * side;
+    let rest = (0..n * n).map(|v| [at(v % n), at(v / n), 0.0]).collect();
+    let mut triangles = Vec::new();
+    for corner in (0..n * (n - 1)).filter(|v| v % n < n - 1) {
+        let (a, b, c, d) = (corner as u32, corner as u32 + 1, (corner + n) as u32, (corner + n) as u32 + 1);
+        triangles.extend([[a, b, d], [a, d, c]]);
+    }
+    Topology { rest, triangles }
+}
