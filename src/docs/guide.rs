@@ -25,6 +25,7 @@ pub const GUIDE: &[(&str, &str)] = &[
     ("levels", include_str!("../../docs/src/levels.md")),
     ("writing-a-node", include_str!("../../docs/src/writing-a-node.md")),
     ("library", include_str!("../../docs/src/library.md")),
+    ("performance", include_str!("../../docs/src/performance.md")),
     ("from-another-tool", include_str!("../../docs/src/from-another-tool.md")),
     ("promises", include_str!("../../docs/src/promises.md")),
     ("limits", include_str!("../../docs/src/limits.md")),

@@ -1,11 +1,7 @@
 //! The linear algebra that a thin-plate fit needs: reflections, a tridiagonal form, inverses, singular values, determinants.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
-use faer::linalg::cholesky::llt::{inverse, solve};
-use faer::linalg::triangular_inverse::invert_lower_triangular;
-use faer::{Mat, Par, Spec};
 use fearless_simd::{Level, dispatch};
+use rayon::prelude::*;
 
 /// A reflection `1 - tau v v^T` that acts on the coordinates from `start` on.
 #[derive(Clone, Debug)]
@@ -142,56 +138,104 @@ impl Tridiagonal {
 const PIVOT: f64 = 1e-14;
 
 /// A symmetric positive definite matrix as the product of a lower triangle and its transpose.
+///
+/// Sums run along rows in a fixed order, so that the bits are the same on every machine.
 #[derive(Debug)]
 pub(crate) struct Cholesky {
-    lower: Mat<f64>,
+    n: usize,
+    /// Rows of the triangle.
+    lower: Vec<f64>,
 }
 
 impl Cholesky {
-    /// Factors a symmetric matrix of `n` rows; `None` if it is not positive definite.
+    /// Factors a matrix of `n` rows, of which the lower triangle is read; `None` if it is not positive definite.
     ///
     /// # Complexity
-    /// n^3 / 3 multiplications.
+    /// n^3 / 6 multiplications and as many additions.
     pub fn of(matrix: &[f64], n: usize) -> Option<Self> {
         let largest = (0..n).fold(0.0_f64, |most, k| most.max(matrix[k * n + k].abs()));
-        // Columns in the order of the memory of both: the matrix is symmetric.
-        let mut lower = Mat::from_fn(n, n, |i, j| matrix[j * n + i]);
-        let scratch = cholesky_in_place_scratch::<f64>(n, Par::Seq, Spec::default());
-        let mut memory = MemBuffer::new(scratch);
-        let stack = MemStack::new(&mut memory);
-        cholesky_in_place(lower.as_mut(), Default::default(), Par::Seq, stack, Spec::default()).ok()?;
-        let usable = |k: usize| lower[(k, k)] * lower[(k, k)] > PIVOT * largest;
-        (0..n).all(usable).then_some(Self { lower })
+        let mut lower = matrix.to_vec();
+        dispatch!(Level::new(), _simd => factor(&mut lower, n, PIVOT * largest)).then_some(Self { n, lower })
     }
 
     /// Solves for each right side in place.
     pub fn solve(&self, right: &mut [Vec<f64>]) {
-        let n = self.lower.nrows();
-        let mut columns = Mat::from_fn(n, right.len(), |i, j| right[j][i]);
-        let mut memory = MemBuffer::new(solve::solve_in_place_scratch::<f64>(n, right.len(), Par::Seq));
-        let stack = MemStack::new(&mut memory);
-        solve::solve_in_place(self.lower.as_ref(), columns.as_mut(), Par::Seq, stack);
-        for (right, column) in right.iter_mut().zip(columns.col_iter()) {
-            right.iter_mut().zip(column.iter()).for_each(|(x, solved)| *x = *solved);
+        let n = self.n;
+        for x in right {
+            for k in 0..n {
+                let row = &self.lower[k * n..(k + 1) * n];
+                x[k] = (x[k] - dot(&row[..k], &x[..k])) / row[k];
+            }
+            for k in (0..n).rev() {
+                let row = &self.lower[k * n..(k + 1) * n];
+                x[k] /= row[k];
+                let solved = x[k];
+                x[..k].iter_mut().zip(row).for_each(|(x, l)| *x -= l * solved);
+            }
         }
+    }
+
+    /// Columns of the inverse of the triangle, each in a row of `n` numbers, on all cores.
+    ///
+    /// # Complexity
+    /// n^3 / 6 multiplications and as many additions.
+    fn inverse_columns(&self) -> Vec<f64> {
+        let n = self.n;
+        let mut columns = vec![0.0; n * n];
+        columns.par_chunks_exact_mut(n.max(1)).enumerate().for_each(|(i, x)| {
+            dispatch!(Level::new(), _simd => invert_column(&self.lower, n, i, x));
+        });
+        columns
     }
 
     /// Trace of the inverse: the sum of the squares of the inverse of the triangle.
     pub fn trace_of_inverse(&self) -> f64 {
-        let n = self.lower.nrows();
-        let mut inverse = Mat::<f64>::zeros(n, n);
-        invert_lower_triangular(inverse.as_mut(), self.lower.as_ref(), Par::Seq);
-        let squares = |(j, column): (usize, &[f64])| dot(&column[j..], &column[j..]);
-        (0..n).map(|j| squares((j, inverse.col_as_slice(j)))).sum()
+        self.inverse_columns().chunks_exact(self.n.max(1)).map(|column| dot(column, column)).sum()
     }
 
     /// The inverse, `[n, n]`, symmetric to the bit.
     pub fn inverse(&self) -> Vec<f64> {
-        let n = self.lower.nrows();
-        let mut out = Mat::<f64>::zeros(n, n);
-        let mut memory = MemBuffer::new(inverse::inverse_scratch::<f64>(n, Par::Seq));
-        inverse::inverse(out.as_mut(), self.lower.as_ref(), Par::Seq, MemStack::new(&mut memory));
-        (0..n * n).map(|k| out[((k / n).max(k % n), (k / n).min(k % n))]).collect()
+        let (n, columns) = (self.n, self.inverse_columns());
+        let mut out = vec![0.0; n * n];
+        out.par_chunks_exact_mut(n.max(1)).enumerate().for_each(|(i, out)| {
+            let own = &columns[i * n + i..(i + 1) * n];
+            for (out, other) in out.iter_mut().zip(columns.chunks_exact(n)).take(i + 1) {
+                *out = dot(own, &other[i..]);
+            }
+        });
+        for i in 0..n {
+            for j in i + 1..n {
+                out[i * n + j] = out[j * n + i];
+            }
+        }
+        out
+    }
+}
+
+/// Replaces a matrix by the rows of its lower factor; false at a pivot that is not above the least.
+#[inline(always)]
+fn factor(matrix: &mut [f64], n: usize, least: f64) -> bool {
+    for i in 0..n {
+        let (above, rest) = matrix.split_at_mut(i * n);
+        let row = &mut rest[..n];
+        for (j, other) in above.chunks_exact(n).enumerate() {
+            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
+        }
+        let pivot = row[i] - dot(&row[..i], &row[..i]);
+        if pivot.is_nan() || pivot <= least {
+            return false;
+        }
+        row[i] = pivot.sqrt();
+    }
+    true
+}
+
+/// Column `i` of the inverse of a lower triangle.
+#[inline(always)]
+fn invert_column(lower: &[f64], n: usize, i: usize, x: &mut [f64]) {
+    for (k, row) in lower.chunks_exact(n).enumerate().skip(i) {
+        let left = f64::from(u8::from(k == i)) - dot(&row[i..k], &x[i..k]);
+        x[k] = left / row[k];
     }
 }
 
