@@ -4,6 +4,7 @@
 //! `cargo bench -p foley -- budget`, or `-- budget 600` for ten minutes instead of one. Budget: half a core for audio, one for the
 //! analysis of the motion, and no window late.
 
+use crate::peers::measure::processor_time;
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
 use foley::live::device::{self, Device};
 use foley::live::{LiveGraph, NodeMeter, Options, Player};
@@ -135,13 +136,6 @@ fn material(folder: &Path, seconds: f64) -> LiveGraph {
     LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
 }
 
-/// Seconds of processor time of this process, where the system reports them.
-fn cpu() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields = stat.rsplit(')').next().unwrap_or_default();
-    fields.split_whitespace().skip(11).take(2).filter_map(|x| x.parse::<f64>().ok()).sum::<f64>() / 100.0
-}
-
 pub fn bench() {
     let seconds: f64 = std::env::args().skip(1).find_map(|arg| arg.parse().ok()).unwrap_or(60.0);
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -149,14 +143,14 @@ pub fn bench() {
     let (mut player, callback) =
         Player::start(material(folder.path(), seconds), options).unwrap_or_else(|e| panic!("{e:?}"));
     let shared = Arc::clone(player.shared());
-    let (before, start) = (cpu(), Instant::now());
+    let (before, start) = (processor_time(), Instant::now());
     let running = device::start(&Device::Null, callback).map_err(|e| e.1).expect("the clock starts");
     let meters = player.node_meters();
     while start.elapsed().as_secs_f64() < seconds && !player.is_over() {
         player.tick();
         std::thread::sleep(Duration::from_millis(3));
     }
-    let (played, used) = (start.elapsed().as_secs_f64(), cpu() - before);
+    let (played, used) = (start.elapsed().as_secs_f64(), processor_time() - before);
     let late = running.status.late.load(Relaxed);
     let _ = running.stop();
     let share = |time: Duration| 100.0 * time.as_secs_f64() / played;

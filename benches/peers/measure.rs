@@ -20,14 +20,14 @@ pub fn threads() -> usize {
 
 /// Processor time of all threads of this process, s.
 #[cfg(unix)]
-fn processor_time() -> f64 {
+pub fn processor_time() -> f64 {
     let time = nix::time::clock_gettime(nix::time::ClockId::CLOCK_PROCESS_CPUTIME_ID);
     time.map_or(f64::NAN, |t| t.tv_sec() as f64 + 1e-9 * t.tv_nsec() as f64)
 }
 
 /// Wall time, in place of the processor time that the system does not report, s.
 #[cfg(not(unix))]
-fn processor_time() -> f64 {
+pub fn processor_time() -> f64 {
     static START: std::sync::LazyLock<Instant> = std::sync::LazyLock::new(Instant::now);
     START.elapsed().as_secs_f64()
 }

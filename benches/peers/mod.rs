@@ -14,7 +14,7 @@ mod data;
 mod dtw;
 mod graph;
 mod image;
-mod measure;
+pub mod measure;
 mod mfcc;
 mod modal;
 mod modes;

@@ -4,7 +4,7 @@
 //! as in most comparisons of contour tracers, with one level at 0.5 and eight at quantiles. `FOLEY_BENCH_IMAGES=DIR` writes them to `DIR`
 //! for `benches/peers/textures.py`. On Linux the peak memory is printed as well.
 
-use crate::common::best;
+use crate::common::{best, new_peak, peak};
 use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Rng;
 use foley_nodes::core::standalone::Standalone;
@@ -21,22 +21,6 @@ use foley_nodes::texture::{
 use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
-
-/// Returns a memory figure of this process in bytes, if the system reports it.
-fn memory(what: &str) -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix(what))?;
-    line.trim_start_matches(':').trim().trim_end_matches(" kB").parse::<f64>().ok().map(|kb| 1024.0 * kb)
-}
-
-/// Returns the peak memory during some work, and the memory before it.
-fn peak_of(work: impl FnOnce()) -> Option<(f64, f64)> {
-    // Resets the peak to the current memory.
-    std::fs::write("/proc/self/clear_refs", "5").ok()?;
-    let before = memory("VmRSS")?;
-    work();
-    Some((memory("VmHWM")?, before))
-}
 
 /// Returns smooth noise between 0 and 1.
 fn image(n: usize) -> Grid {
@@ -80,13 +64,10 @@ fn curves() -> Result<(), Box<dyn Error>> {
         let index = best(runs, || IsophoteIndex::new(&drawn));
         let bytes = encode_isophotes(&drawn).len();
         let image = (n * n * size_of::<f32>()) as f64;
-        if let Some((peak, before)) = peak_of(|| drop(black_box(isophotes(&luma, &Drawing::default())))) {
-            println!(
-                "{n:4} x {n}: peak memory {:.1} times the image, including its own {:.1}",
-                (peak - before) / image + 1.0,
-                1.0
-            );
-        }
+        let before = new_peak();
+        drop(black_box(isophotes(&luma, &Drawing::default())));
+        let more = (peak() - before) * f64::from(1 << 20);
+        println!("{n:4} x {n}: peak memory {:.1} times the image, including its own 1.0", more / image + 1.0);
         println!(
             "{n:4} x {n}: {one:7.2} ms for one level, {eight:7.2} ms for eight; blurred, with gradients and simplified {all:7.2} ms; \
              index {index:6.2} ms; {} points in {:.1} kB, {:.2} bytes each",

@@ -3,6 +3,7 @@
 //! Run with `cargo bench -p foley-nodes -- unit`, or a part of it: `-- unit features`, `global`, `sleep`, `smooth`, `noise` or `database`. Each figure is printed with that of
 //! the paper (eight cores of 2.9 GHz).
 
+use crate::common::{new_peak, peak};
 use foley_nodes::core::item::Channels;
 use foley_nodes::core::params::Params;
 use foley_nodes::core::random::Rng;
@@ -20,13 +21,6 @@ use std::time::Instant;
 
 const RATE: Rate = Rate::hz(96_000);
 const UNIT: u32 = 400;
-
-/// Returns the peak memory of this process in megabytes, or 0 if the system does not report it.
-fn peak() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok()).unwrap_or(0.0) / 1024.0
-}
 
 fn noise(seed: u64, samples: usize) -> Vec<f32> {
     let mut rng = Rng::new(seed);
@@ -138,7 +132,7 @@ fn of_selection() -> Result<(), Box<dyn Error>> {
     let (targets, units) = (144_000, 57_600);
     let (target, database) = (features(5, targets), features(6, units));
     for (look, d_max) in [(10, 2.0), (5, 2.0), (10, 8.0)] {
-        let before = peak();
+        let before = new_peak();
         let start = Instant::now();
         let set =
             Units { features: &database, dims: 3, segments: vec![(0, units)], allowed: vec![true; units] };
@@ -212,7 +206,7 @@ fn of_global_selection() -> Result<(), Box<dyn Error>> {
     let table = Table::new(&set).ok_or("no unit")?;
     let free = GlobalParams { switch_cost: 0.5, cap: f64::INFINITY, cool_off: 0, loop_guard: 0 };
     let best = {
-        let (before, start) = (peak(), Instant::now());
+        let (before, start) = (new_peak(), Instant::now());
         let path = exact(&table, &target, &free, None).map_err(finite)?;
         println!(
             "global selection      {:>8.2} s for 144,000 targets, 57,600 units, exact, {} threads: cost {:.0}, {:.0} MB more at the \
@@ -236,7 +230,7 @@ fn of_global_selection() -> Result<(), Box<dyn Error>> {
         path.replaced
     );
     let beam_params = BeamParams { path: params, candidates: 64, feature: 0.3, level: 0.0, crossing: 0.0 };
-    let (before, start) = (peak(), Instant::now());
+    let (before, start) = (new_peak(), Instant::now());
     let path = beam(&table, &Joins::default(), &target, &[], &beam_params).map_err(finite)?;
     println!(
         "  beam of 64          {:>8.2} s: cost {:.0}, {:.0} MB more",

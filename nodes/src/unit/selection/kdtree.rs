@@ -1,7 +1,7 @@
 //! A k-d tree for searches within a distance, with 16 children at each node so that one comparison of vectors passes over all of them.
 
-use fearless_simd::f32x16;
 use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x16};
 
 /// Children of a node, and points of a leaf.
 pub const LANES: usize = 16;
@@ -39,7 +39,7 @@ pub struct KdTree {
     extent: f64,
 }
 
-/// Numbers of the children or points of a node, in one line of the cache.
+/// A coordinate of each child or point of a node, in one line of the cache.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 struct Row([f32; LANES]);
@@ -150,6 +150,27 @@ impl KdTree {
             }
         }
         search.stack = stack;
+    }
+
+    /// The least distance that `of` gives for a label, with the number that it gives: of equal distances the least number.
+    ///
+    /// `of` gets the labels of points that can be the nearest; `None` passes over one.
+    pub fn nearest(
+        &self,
+        level: Level,
+        query: &[f32],
+        search: &mut Search,
+        mut of: impl FnMut(u32) -> Option<(f64, usize)>,
+    ) -> Option<(f64, usize)> {
+        let mut found: Option<(f64, usize)> = None;
+        dispatch!(level, simd => {
+            self.within(simd, query, f64::INFINITY, search, #[inline(always)] |label| {
+                let new = of(label)?;
+                found = found.filter(|found| *found < new).or(Some(new));
+                found.map(|(least, _)| least)
+            });
+        });
+        found
     }
 
     /// Distance that the rounding of the coordinates to single precision may add or take.
@@ -319,7 +340,6 @@ impl Builder<'_> {
 mod tests {
     use super::*;
     use crate::core::random::Rng;
-    use fearless_simd::{Level, dispatch};
 
     fn found(tree: &KdTree, query: &[f32], distance: f64, search: &mut Search) -> Vec<u32> {
         let mut labels = Vec::new();
@@ -354,13 +374,11 @@ mod tests {
                 // Squares below the normal numbers are as good as equal.
                 assert!(beyond <= distance * 1.0001 + 1e-5 * size + 2e-19, "{beyond} {distance}");
                 // The nearest, by a search that narrows; exactly there too.
-                let mut best = f64::INFINITY;
-                dispatch!(Level::new(), simd => tree.within(simd, &query, best, &mut search, |label| {
-                    best = best.min(distances[label as usize / 7]);
-                    Some(best)
-                }));
+                let nearest = tree.nearest(Level::new(), &query, &mut search, |label| {
+                    Some((distances[label as usize / 7], label as usize))
+                });
                 distances.sort_by(f64::total_cmp);
-                assert_eq!(best, distances[0]);
+                assert_eq!(nearest.map(|(least, _)| least), Some(distances[0]));
                 let own = found(&tree, &points[..dims], 0.0, &mut search);
                 assert!(own.contains(&0));
             }

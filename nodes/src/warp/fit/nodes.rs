@@ -1,8 +1,8 @@
 //! Pairs as the nodes of a spline: centred, scaled, and merged where they start in one place.
 
 use crate::warp::spline::Pair;
-use crate::warp::spline::kernel::thin_plate;
 use crate::warp::spline::linear::principal;
+use crate::warp::spline::tps::{LANES, columns, set_kernels};
 use fearless_simd::{Level, dispatch};
 
 /// Nodes nearer than this, relative to the scale of all, are one.
@@ -122,14 +122,14 @@ impl Nodes {
 
     /// Kernels between all nodes, each times the roots of both weights.
     pub fn kernels(&self, d: usize, roots: &[f64]) -> Vec<f64> {
-        let n = self.len();
-        let columns: Vec<Vec<f64>> =
-            (0..d).map(|axis| self.points.iter().skip(axis).step_by(d).copied().collect()).collect();
-        let mut k = vec![0.0; n * n];
-        for i in 0..n {
+        let (n, padded) = (self.len(), self.len().next_multiple_of(LANES));
+        let nodes = columns(&self.points, d, padded);
+        let mut row = vec![0.0; padded];
+        let mut k = Vec::with_capacity(n * n);
+        for (at, root) in self.points.chunks_exact(d).zip(roots) {
             // All instruction sets compute the same bits.
-            dispatch!(Level::new(), _simd => kernel_row(&columns, roots, i, &mut k[i * n..i * n + i]));
-            (0..i).for_each(|j| k[j * n + i] = k[i * n + j]);
+            dispatch!(Level::new(), _simd => set_kernels(&nodes, at, &mut row));
+            k.extend(row.iter().zip(roots).map(|(u, other)| root * other * u));
         }
         k
     }
@@ -143,16 +143,6 @@ impl Nodes {
             .sum();
         self.scale * all / (n * n.saturating_sub(1) / 2).max(1) as f64
     }
-}
-
-/// Kernels between node `i` and those before it, from coordinates `[d][n]`.
-#[inline(always)]
-fn kernel_row(columns: &[Vec<f64>], roots: &[f64], i: usize, row: &mut [f64]) {
-    for column in columns {
-        let x = column[i];
-        row.iter_mut().zip(column).for_each(|(square, y)| *square += (x - y) * (x - y));
-    }
-    row.iter_mut().zip(roots).for_each(|(u, root)| *u = roots[i] * root * thin_plate(*u));
 }
 
 /// Number of directions in which the starts of pairs spread.

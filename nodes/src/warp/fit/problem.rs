@@ -26,7 +26,7 @@ fn check(pairs: &[Pair], d: usize) -> Result<(), FitError> {
 ///
 /// With the roots of the weights multiplied into rows and columns, `K + lambda D` becomes `K + lambda`. Reflections make the
 /// columns of P upper triangular; what they leave of K is positive definite, and further ones make it tridiagonal. One lambda alone
-/// needs no more than the inverse of what is left.
+/// needs no more than a factor of what is left.
 ///
 /// # Source
 /// Wahba, "Spline Models for Observational Data" (1990), sections 1.4 and 2.4, for the null-space form; Golub and Van Loan,
@@ -242,6 +242,7 @@ impl Problem {
     fn cross_validated(&self) -> f64 {
         let n = self.nodes.len() as f64;
         let grid = (0..=36).map(|k| 10_f64.powf(-2.0 + f64::from(k) / 4.0));
+        // Each of many is then cheap to solve for.
         self.form();
         let scored = grid.filter_map(|lambda| {
             let solution = self.solve(lambda)?;

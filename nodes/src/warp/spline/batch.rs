@@ -99,10 +99,10 @@ impl<'a> Shared<'a> {
                 out.resize(start + count * d, 0.0);
                 for i in 0..d {
                     let row = &self.weights[(k * d + i) * padded..(k * d + i + 1) * padded];
-                    let sums = products(row, &kernels, padded);
-                    for (u, sum) in sums.into_iter().enumerate().take(count) {
+                    for u in 0..count {
+                        let kernels = &kernels[u * padded..(u + 1) * padded];
                         let slope = |j: usize| tps.affine[(j + 1) * d + i] * at[u * d + j];
-                        let moved = sum + tps.affine[i] + (0..d).map(slope).sum::<f64>();
+                        let moved = dot(row, kernels) + tps.affine[i] + (0..d).map(slope).sum::<f64>();
                         out[start + u * d + i] = (f64::from(units[u * d + i]) + moved) as f32;
                     }
                 }
@@ -110,12 +110,6 @@ impl<'a> Shared<'a> {
         }
         out
     }
-}
-
-/// Sums of products of one row of weights with the kernels of each unit, `[BATCH][padded]`.
-#[inline(always)]
-fn products(row: &[f64], kernels: &[f64], padded: usize) -> [f64; BATCH] {
-    std::array::from_fn(|u| dot(row, &kernels[u * padded..(u + 1) * padded]))
 }
 
 #[cfg(test)]

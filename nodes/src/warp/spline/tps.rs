@@ -8,7 +8,7 @@ use super::kernel::thin_plate;
 use super::linear::{dot, solve_dense};
 
 /// Numbers of nodes are filled up to a multiple of this, so that vector registers are full.
-pub(super) const LANES: usize = 16;
+pub(in crate::warp) const LANES: usize = 16;
 
 /// W(f) = f + [1, g] A + sum_k w_k U(|g - g_k|) with g = (f - centre) / scale and U(r) = r^2 ln r^2.
 ///
@@ -206,7 +206,7 @@ pub(super) fn scaled_nodes(tps: &Tps) -> Vec<f64> {
 }
 
 /// Vectors `[n, d]` as `[d][padded]`, with zeros after the last.
-pub(super) fn columns(rows: &[f64], d: usize, padded: usize) -> Vec<f64> {
+pub(in crate::warp) fn columns(rows: &[f64], d: usize, padded: usize) -> Vec<f64> {
     let mut out = vec![0.0; d * padded];
     for (k, row) in rows.chunks_exact(d.max(1)).enumerate() {
         row.iter().enumerate().for_each(|(i, x)| out[i * padded + k] = *x);
@@ -216,7 +216,7 @@ pub(super) fn columns(rows: &[f64], d: usize, padded: usize) -> Vec<f64> {
 
 /// Kernels between a place and all nodes, `[d][padded]`.
 #[inline(always)]
-pub(super) fn set_kernels(nodes: &[f64], at: &[f64], kernels: &mut [f64]) {
+pub(in crate::warp) fn set_kernels(nodes: &[f64], at: &[f64], kernels: &mut [f64]) {
     let padded = kernels.len();
     for (k, squares) in kernels.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
         let mut sums = [0.0; LANES];

@@ -18,20 +18,14 @@ const DENSE: usize = 8;
 /// nearer to the target than the least cost of the row, and is looked up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Front {
-    costs: Costs,
+    /// Active columns and their costs; empty if `all` is not.
+    active: Vec<(u32, f32)>,
+    /// Where many columns are active, the cost of the one that each column follows, infinite if it follows none; otherwise empty.
+    all: Vec<f32>,
     /// The least cost.
     least: f32,
     /// First column that has it.
     pub best: usize,
-}
-
-/// Columns and their costs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-enum Costs {
-    /// Of the active columns.
-    Active(Vec<(u32, f32)>),
-    /// For each column, the cost of the one that it follows; infinite if it follows none.
-    All(Vec<f32>),
 }
 
 /// Costs of rows in addition to features.
@@ -55,8 +49,8 @@ pub(super) struct Scratch {
     active: Vec<(u32, f32)>,
     all: Vec<f32>,
     /// For each column the last row in which it was run on to, counted by `row`.
-    run_at: Vec<u32>,
-    row: u32,
+    run_at: Vec<u64>,
+    row: u64,
     search: Search,
 }
 
@@ -76,22 +70,17 @@ impl Scratch {
 impl Front {
     /// Costs before the first row: every column costs nothing.
     pub fn start(columns: usize) -> Self {
-        Self { costs: Costs::All(vec![0.0; columns + 1]), least: 0.0, best: 0 }
+        Self { active: Vec::with_capacity(columns), all: vec![0.0; columns + 1], least: 0.0, best: 0 }
     }
 
     /// Number of columns whose costs are stored.
     pub fn len(&self) -> usize {
-        match &self.costs {
-            Costs::Active(active) => active.len(),
-            Costs::All(all) => all.len() - 1,
-        }
+        self.active.len().max(self.all.len())
     }
 
     /// Sorts the columns, so that equal costs are equal fronts.
     pub fn sort(&mut self) {
-        if let Costs::Active(active) = &mut self.costs {
-            active.sort_unstable_by_key(|(column, _)| *column);
-        }
+        self.active.sort_unstable_by_key(|(column, _)| *column);
     }
 
     /// The costs of a row from those of the row before. `surcharges` are added to the costs of columns; `decisions` get how the row, the
@@ -106,51 +95,42 @@ impl Front {
         decisions: Option<(&mut Decisions, usize)>,
     ) {
         scratch.row += 1;
-        let row = Row { table, price, features, surcharges, before: self.least };
-        let source = self.best;
-        if let Costs::Active(active) = &mut self.costs {
-            if let Some(least) = row.some(active, scratch) {
-                std::mem::swap(active, &mut scratch.active);
-                self.least = least;
-                let best = active.iter().filter(|(_, cost)| *cost == least).map(|(column, _)| *column).min();
-                self.best = best.unwrap_or(0) as usize;
-                active.retain(|(_, cost)| cost - least <= price.switch);
-                if let Some((decisions, k)) = decisions {
-                    let ran = |column: &u32| scratch.run_at[*column as usize] == scratch.row;
-                    let columns = active.iter().map(|(column, _)| *column).filter(ran);
-                    decisions.record_columns(k, source, columns);
-                }
-                return;
+        let (row, source) = (Row { table, price, features, surcharges, before: self.least }, self.best);
+        if !self.all.is_empty() {
+            std::mem::swap(&mut self.all, &mut scratch.all);
+        } else if let Some(least) = row.some(&self.active, scratch) {
+            std::mem::swap(&mut self.active, &mut scratch.active);
+            self.least = least;
+            let best = self.active.iter().filter(|(_, cost)| *cost == least).map(|(column, _)| *column).min();
+            self.best = best.unwrap_or(0) as usize;
+            self.active.retain(|(_, cost)| cost - least <= price.switch);
+            if let Some((decisions, k)) = decisions {
+                let ran = |column: &u32| scratch.run_at[*column as usize] == scratch.row;
+                decisions.record_columns(
+                    k,
+                    source,
+                    self.active.iter().map(|(column, _)| *column).filter(ran),
+                );
             }
-            row.spread(active, &mut scratch.all);
-        } else if let Costs::All(all) = &mut self.costs {
-            std::mem::swap(all, &mut scratch.all);
+            return;
+        } else {
+            row.spread(&self.active, &mut scratch.all);
         }
         if let Some((decisions, k)) = decisions {
             decisions.record_row(k, source, &scratch.all, self.least, price);
         }
-        let mut costs = match std::mem::replace(&mut self.costs, Costs::Active(Vec::new())) {
-            Costs::All(all) => all,
-            Costs::Active(active) => {
-                scratch.active = active;
-                Vec::new()
-            }
-        };
-        self.least = row.all(&scratch.all, &mut costs);
-        self.best = row::first(price.level, &costs[1..], self.least);
-        let (least, columns) = (self.least, table.count());
-        let active = row::count_within(price.level, &costs[1..], least, price.switch);
-        self.costs = if active * DENSE > columns {
-            table.close(&mut costs);
-            Costs::All(costs)
+        self.least = row.all(&scratch.all, &mut self.all);
+        let (least, costs) = (self.least, &self.all[1..]);
+        self.best = row::first(price.level, costs, least);
+        let active = row::count_within(price.level, costs, least, price.switch);
+        self.active.clear();
+        if active * DENSE > table.count() {
+            table.close(&mut self.all);
         } else {
-            let mut list = std::mem::take(&mut scratch.active);
-            list.clear();
-            let near = (0..).zip(&costs[1..]).filter(|(_, cost)| **cost - least <= price.switch);
-            list.extend(near.map(|(column, cost)| (column, *cost)));
-            scratch.all = costs;
-            Costs::Active(list)
-        };
+            let near = (0..).zip(costs).filter(|(_, cost)| **cost - least <= price.switch);
+            self.active.extend(near.map(|(column, cost)| (column, *cost)));
+            self.all.clear();
+        }
     }
 }
 

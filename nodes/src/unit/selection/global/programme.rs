@@ -12,7 +12,9 @@ const SHORT: usize = 32;
 const COLUMNS_PER_ROW: usize = 150;
 /// Blocks of which the decisions are stored at once, for each thread.
 const DECIDED: usize = 8;
-/// Rows computed at each of some places to find how many columns are active.
+/// Places at which some rows are computed to find how many columns are active.
+const PLACES: usize = 16;
+/// Rows that are computed there.
 const TRIAL: usize = 8;
 
 /// The programme over a target, with the data for computing parts of it again.
@@ -52,7 +54,7 @@ impl<'a> Programme<'a> {
         let mut scratch = Scratch::new(self.table.count());
         let most = (rows as f64).sqrt().ceil() as usize;
         let active: Vec<usize> = (0..rows)
-            .step_by(rows.div_ceil(2 * TRIAL))
+            .step_by(rows.div_ceil(PLACES))
             .map(|from| {
                 let mut front = Front::start(self.table.count());
                 for i in from..(from + TRIAL).min(rows) {
@@ -164,10 +166,10 @@ impl<'a> Programme<'a> {
         stale
     }
 
-    fn decide(&self, b: usize) -> Decisions {
-        let (rows, columns) = (self.block.min(self.path.len() - b * self.block), self.table.count());
-        let mut decisions = Decisions::new(columns, rows);
-        self.run_block(b, self.fronts[b].clone(), &mut Scratch::new(columns), Some(&mut decisions));
+    fn decide(&self, b: usize, scratch: &mut Scratch) -> Decisions {
+        let rows = self.block.min(self.path.len() - b * self.block);
+        let mut decisions = Decisions::new(self.table.count(), rows);
+        self.run_block(b, self.fronts[b].clone(), scratch, Some(&mut decisions));
         decisions
     }
 
@@ -184,7 +186,11 @@ impl<'a> Programme<'a> {
                     let mut group: Vec<usize> = (0..b).rev().filter(|&b| stale[b]).collect();
                     group.truncate(DECIDED * rayon::current_num_threads() - 1);
                     group.push(b);
-                    let decided: Vec<_> = group.par_iter().map(|&b| (b, self.decide(b))).collect();
+                    let scratch = || Scratch::new(self.table.count());
+                    let decided: Vec<_> = group
+                        .par_iter()
+                        .map_init(scratch, |scratch, &b| (b, self.decide(b, scratch)))
+                        .collect();
                     ready.extend(decided);
                 }
                 let Some(decisions) = ready.remove(&b) else { return };

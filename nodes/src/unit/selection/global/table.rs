@@ -3,7 +3,7 @@
 use super::path::GlobalParams;
 use crate::unit::selection::kdtree::{KdTree, Search, squared};
 use crate::unit::selection::selector::{NotFinite, Units};
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 
 /// Features of all units that may be chosen, dimension by dimension, and the columns that another follows.
 ///
@@ -110,18 +110,11 @@ impl Table {
     /// The nearest column that is not barred; of equally near ones the first.
     #[must_use]
     pub(super) fn nearest(&self, target: &[f32], barred: &dyn Fn(usize) -> bool) -> Option<usize> {
-        let mut found: Option<(f64, u32)> = None;
-        let mut search = Search::default();
-        dispatch!(Level::new(), simd => {
-            self.near.within(simd, target, f64::INFINITY, &mut search, #[inline(always)] |column| {
-                if !barred(column as usize) {
-                    let new = (self.distance(target, column as usize), column);
-                    found = found.filter(|found| *found < new).or(Some(new));
-                }
-                found.map(|(least, _)| least)
-            });
-        });
-        found.map(|(_, column)| column as usize)
+        let of = |column: u32| {
+            let column = column as usize;
+            (!barred(column)).then(|| (self.distance(target, column), column))
+        };
+        self.near.nearest(Level::new(), target, &mut Search::default(), of).map(|(_, column)| column)
     }
 
     /// Returns the cost of a path of columns.

@@ -197,7 +197,8 @@ impl Exact {
             }
             let compared = f32x16::from_slice(simd, &self.window.compared[part..][..LANES]);
             sum += f64::from((squares.sqrt() * compared).reduce_sum());
-            if sum > f64::from(limit) {
+            // A square that exceeds single precision says nothing.
+            if sum > f64::from(limit) && sum.is_finite() {
                 return true;
             }
         }
@@ -333,17 +334,9 @@ impl Exact {
     /// The nearest unit that is not barred, whatever follows it.
     fn nearest(&mut self, least_recent: Option<usize>) -> Option<Choice> {
         let free = |j: &usize| least_recent == Some(*j) || !self.history.barred(*j);
-        let mut found: Option<(f64, usize)> = None;
         let mut search = std::mem::take(&mut self.search);
-        let mut visit = |label| {
-            if let Some(j) = self.index.equal_windows(label).find(free) {
-                let new = (self.d1(j), j);
-                found = found.filter(|found| *found < new).or(Some(new));
-            }
-            found.map(|(least, _)| least)
-        };
-        let tree = &self.index.by_features;
-        dispatch!(self.level, simd => tree.within(simd, self.present(), f64::INFINITY, &mut search, &mut visit));
+        let of = |label| self.index.equal_windows(label).find(free).map(|j| (self.d1(j), j));
+        let mut found = self.index.by_features.nearest(self.level, self.present(), &mut search, of);
         // Among equally near ones, the one that follows the last pick.
         if let Some(next) = self.continuation().filter(free) {
             let distance = self.d1(next);
