@@ -91,12 +91,10 @@ fn change_hint(result: notify::Result<Event>) -> Option<ChangeHint> {
     let Ok(event) = result else { return Some(ChangeHint { paths: Vec::new(), at, open: false }) };
     let open = match event.kind {
         EventKind::Access(AccessKind::Close(AccessMode::Write)) => false,
-        // Read access is no change.
-        EventKind::Access(_) => return None,
+        // Read access and attributes are no change of what a file holds.
+        EventKind::Access(_) | EventKind::Modify(ModifyKind::Metadata(_)) => return None,
         // Editors that save by a rename have written the whole file before.
-        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both) | ModifyKind::Metadata(_)) => {
-            false
-        }
+        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both)) => false,
         _ => true,
     };
     let paths = if event.need_rescan() { Vec::new() } else { event.paths };

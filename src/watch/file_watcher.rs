@@ -44,6 +44,21 @@ struct Burst {
 }
 
 impl Burst {
+    fn new(at: Instant) -> Self {
+        Self { first: at, last: at, open: BTreeSet::new() }
+    }
+
+    fn add(&mut self, hint: &ChangeHint) {
+        self.last = hint.at;
+        for path in &hint.paths {
+            if hint.open {
+                self.open.insert(path.clone());
+            } else {
+                self.open.remove(path);
+            }
+        }
+    }
+
     /// Time left until the files can be compared.
     fn wait(&self) -> Duration {
         let quiet = if self.open.is_empty() { SETTLE } else { QUIET };
@@ -122,16 +137,7 @@ impl FileWatcher {
     /// Notes a hint.
     pub fn note(&mut self, hint: &ChangeHint) {
         if self.is_relevant(hint) {
-            let new = || Burst { first: hint.at, last: hint.at, open: BTreeSet::new() };
-            let burst = self.burst.get_or_insert_with(new);
-            burst.last = hint.at;
-            for path in &hint.paths {
-                if hint.open {
-                    burst.open.insert(path.clone());
-                } else {
-                    burst.open.remove(path);
-                }
-            }
+            self.burst.get_or_insert_with(|| Burst::new(hint.at)).add(hint);
         }
     }
 
@@ -181,5 +187,33 @@ impl FileWatcher {
                 || path.parent().is_some_and(|p: &Path| self.folders.contains(p))
         };
         hint.paths.is_empty() || hint.paths.iter().any(watched)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_that_were_closed_are_compared_soon_and_others_later() {
+        let now = Instant::now();
+        let mut burst = Burst::new(now);
+        let mut note = |names: &[&str], open: bool| {
+            let paths = names.iter().map(PathBuf::from).collect();
+            burst.add(&ChangeHint { paths, at: Instant::now(), open });
+            burst.wait()
+        };
+        assert!(note(&["a.ron"], true) > SETTLE);
+        assert!(note(&["a.ron"], false) <= SETTLE);
+        // Another file is still written.
+        note(&["a.ron", "b.wav"], true);
+        assert!(note(&["a.ron"], false) > SETTLE);
+        assert!(note(&["b.wav"], false) <= SETTLE);
+        // One that is written for ever holds nothing up.
+        if let Some(first) = now.checked_sub(MAX_WAIT) {
+            note(&["b.wav"], true);
+            burst.first = first;
+            assert!(burst.wait().is_zero());
+        }
     }
 }
