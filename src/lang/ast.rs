@@ -135,6 +135,20 @@ impl Parse {
     pub fn document(&self) -> Document {
         Document::read(self)
     }
+
+    /// The values with exactly this span, the outermost first.
+    ///
+    /// # Complexity
+    /// Linear in the depth of the tree, the children on the way, and the size of the values.
+    pub fn values_at(&self, span: &Span) -> Vec<Value> {
+        read::nodes_at(self, span).filter(|node| node.kind().is_value()).map(|node| read::value(&node)).collect()
+    }
+
+    /// The values of which something with exactly this span is an item, the outermost first.
+    pub(super) fn holders_of(&self, span: &Span) -> Vec<Value> {
+        let parents = read::nodes_at(self, span).filter_map(|node| node.parent());
+        parents.filter(|node| node.kind().is_value()).map(|node| read::value(&node)).collect()
+    }
 }
 
 impl Document {

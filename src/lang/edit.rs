@@ -3,13 +3,13 @@
 use super::ast::{Document, Entry, Field, Value, ValueKind};
 use super::error::{Span, SyntaxError};
 use super::parser::parse;
-use super::quoted::quote;
+pub use super::quoted::quote;
 use super::syntax::Parse;
 use items::{Brackets, not_an_item};
 
 mod items;
 
-pub use items::{insert_item, remove_item, set_field};
+pub use items::{insert_entry_before, insert_item, remove_item, set_field};
 
 /// The replacement of a span by a new text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -60,11 +60,7 @@ pub enum EditError {
 /// # Errors
 /// If no value (or key) has this span, or the new text is not one value under the document's extensions.
 pub fn set_value(parse: &Parse, span: Span, new_text: &str) -> Result<Vec<TextEdit>, EditError> {
-    let mut found = false;
-    if let Some(value) = &parse.document().value {
-        value.walk(&mut |value| found |= value.span == span);
-    }
-    if !found {
+    if parse.values_at(&span).is_empty() {
         return Err(EditError::NoValue(span));
     }
     let new_text = new_text.trim();

@@ -3,6 +3,7 @@
 //! and [`edit`] changes it as text edits that preserve comments.
 
 pub mod ast;
+pub mod cursor;
 pub mod edit;
 mod error;
 pub mod fmt;

@@ -121,7 +121,8 @@ fn unicode_escape(text: &str, encoding: Encoding, out: &mut Vec<u8>) -> (usize, 
 }
 
 /// Writes a string as a RON string literal.
-pub(super) fn quote(text: &str) -> String {
+#[must_use]
+pub fn quote(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 2);
     out.push('"');
     for c in text.chars() {

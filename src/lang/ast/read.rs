@@ -58,7 +58,25 @@ fn first_name(node: &SyntaxNode) -> Option<Name> {
     tokens(node).next().filter(|token| is_name(token.kind())).map(|token| name(&token))
 }
 
-fn value(node: &SyntaxNode) -> Value {
+/// The nodes with exactly this span, the outermost first.
+pub(super) fn nodes_at(parse: &Parse, span: &Span) -> impl Iterator<Item = SyntaxNode> {
+    let root = parse.syntax();
+    let bound = |at: usize| u32::try_from(at).ok().map(rowan::TextSize::from);
+    let range = bound(span.start).zip(bound(span.end)).filter(|(start, end)| start <= end);
+    let range = range.map(|(start, end)| TextRange::new(start, end));
+    let range = range.filter(|range| root.text_range().contains_range(*range));
+    let innermost = range.and_then(|range| match root.covering_element(range) {
+        rowan::NodeOrToken::Node(node) => Some(node),
+        rowan::NodeOrToken::Token(token) => token.parent(),
+    });
+    let same = std::iter::successors(innermost, SyntaxNode::parent)
+        .take_while(|node| Some(node.text_range()) == range);
+    let mut nodes: Vec<SyntaxNode> = same.collect();
+    nodes.reverse();
+    nodes.into_iter()
+}
+
+pub(super) fn value(node: &SyntaxNode) -> Value {
     let kind = match node.kind() {
         SyntaxKind::Literal => tokens(node).next().map_or(ValueKind::Error, |t| literal(t.kind(), t.text())),
         SyntaxKind::Unit => ValueKind::Unit,

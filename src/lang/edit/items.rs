@@ -94,18 +94,39 @@ pub fn insert_item(
     })
 }
 
+/// Inserts an entry before the one with this key: on a line of its own where that one begins a line.
+///
+/// # Errors
+/// If no map has this key, or the text is not one entry under the document's extensions.
+pub fn insert_entry_before(parse: &Parse, key: Span, entry: &str) -> Result<Vec<TextEdit>, EditError> {
+    let at_key = |(brackets, items): &(Brackets, Vec<Span>)| {
+        *brackets == Brackets::Map && items.iter().any(|item| item.start == key.start)
+    };
+    let root = parse.syntax();
+    let token = tokens_from(parse, key.start).next().filter(|token| start(token) == key.start);
+    let mut maps = token.iter().flat_map(|token| token.parent_ancestors());
+    let map = maps.find(|node| node.kind() == SyntaxKind::Map).ok_or_else(|| EditError::NoKey(key.clone()))?;
+    let map = Span::from(map.text_range());
+    if !container_at(parse, &map).is_ok_and(|found| at_key(&found)) {
+        return Err(EditError::NoKey(key));
+    }
+    let entry = entry.trim();
+    check_item(parse, entry, Brackets::Map)?;
+    let text = root.text().to_string();
+    let line = text[..key.start].rfind('\n').map_or(0, |at| at + 1);
+    let before = &text[line..key.start];
+    let space = if before.trim().is_empty() { format!("\n{before}") } else { " ".to_owned() };
+    Ok(vec![TextEdit { span: key.start..key.start, new_text: format!("{entry},{space}") }])
+}
+
 /// Removes an element, field or entry with its comma, and where it stands on lines of its own, these lines with the comment at their end.
 /// Comments on lines above it stay.
 ///
 /// # Errors
 /// If no item has this span.
 pub fn remove_item(parse: &Parse, item: Span) -> Result<Vec<TextEdit>, EditError> {
-    let document = parse.document();
-    let mut found = false;
-    if let Some(value) = &document.value {
-        value.walk(&mut |value| found |= items(value).is_some_and(|(_, items)| items.contains(&item)));
-    }
-    if !found {
+    let holders = parse.holders_of(&item);
+    if !holders.iter().filter_map(items).any(|(_, items)| items.contains(&item)) {
         return Err(EditError::NoValue(item));
     }
     let text = parse.syntax().text().to_string();
@@ -137,15 +158,8 @@ pub fn set_field(
     name: &str,
     new_text: &str,
 ) -> Result<Vec<TextEdit>, EditError> {
-    let document = parse.document();
-    let mut found = None;
-    if let Some(value) = &document.value {
-        value.walk(&mut |value| {
-            if value.span == structure && value.as_struct().is_some() {
-                found = Some((value.field(name).map(Value::span), matches!(value.value, ValueKind::Name(_))));
-            }
-        });
-    }
+    let found = parse.values_at(&structure).into_iter().rfind(|value| value.as_struct().is_some());
+    let found = found.map(|value| (value.field(name).map(Value::span), matches!(value.value, ValueKind::Name(_))));
     match found {
         Some((Some(span), _)) => set_value(parse, span, new_text),
         // A name alone has no parentheses yet.
@@ -173,14 +187,7 @@ pub(super) fn not_an_item(text: &str) -> EditError {
 }
 
 fn container_at(parse: &Parse, span: &Span) -> Result<(Brackets, Vec<Span>), EditError> {
-    let mut found = None;
-    if let Some(value) = &parse.document().value {
-        value.walk(&mut |value| {
-            if value.span == *span {
-                found = items(value).or(found.take());
-            }
-        });
-    }
+    let found = parse.values_at(span).iter().filter_map(items).last();
     found.ok_or_else(|| EditError::NoValue(span.clone()))
 }
 
