@@ -8,10 +8,12 @@
 pub mod checks;
 pub mod device;
 pub mod input;
+mod levels;
 mod playback;
 mod player;
 mod reload;
 
+pub use levels::{Levels, now};
 pub use playback::callback::{CEILING, Callback, Shared};
 pub use playback::meter::{Histogram, Meter, NodeMeter};
 pub use player::{Options, Player, PlayerEvent, Reloaded};

@@ -19,6 +19,7 @@ mod store;
 pub mod stream;
 mod stream_selection;
 
+pub use atomic_file::temporary_path;
 pub use cacheable::{has_cacheable_streams, has_cacheable_values, writes_files};
 pub use checkpoint_store::{Checkpoint, CheckpointHeader, CheckpointStore, PartialFile, PhaseSubset};
 pub use entry::{Entry, NodeSummary, Output, Unusable};

@@ -1,6 +1,7 @@
 //! `foley live`, and `foley watch --live`.
 
 mod level_curve;
+mod level_file;
 mod listeners;
 mod report;
 mod session;
@@ -19,6 +20,7 @@ use crate::run::check_given;
 use crate::watch::FileWatcher;
 use foley_nodes::registry::Registry;
 use level_curve::LevelCurves;
+use level_file::LevelFile;
 use listeners::listen;
 use session::Session;
 use std::collections::HashSet;
@@ -188,6 +190,7 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
         delays: Vec::new(),
         shown: Instant::now(),
         curves: LevelCurves::default(),
+        levels: LevelFile::new(&settings.graph.graph),
         lost: None,
         over: false,
         lost_windows: 0,

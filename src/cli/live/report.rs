@@ -43,7 +43,7 @@ impl Session<'_> {
         let terminal = std::io::stderr().is_terminal();
         let columns = Duration::from_secs_f64(1.0 / COLUMNS_PER_SECOND);
         let interval = if self.curves.is_empty() || self.settings.json { STATUS } else { columns };
-        if self.shown.elapsed() < interval || self.settings.quiet || !(self.settings.json || terminal) {
+        if self.shown.elapsed() < interval {
             return Ok(());
         }
         self.shown = Instant::now();
@@ -53,6 +53,10 @@ impl Session<'_> {
         let played = shared.window.load(Relaxed) as f64 * budget;
         let peak = meter.take_peak();
         let readings = self.hub.meters.take();
+        self.levels.add(peak, &readings, played);
+        if self.settings.quiet || !(self.settings.json || terminal) {
+            return Ok(());
+        }
         if self.settings.json {
             let late = self.device.as_ref().map_or(0, |d| d.status.late.load(Relaxed));
             return say(&json!({
@@ -113,6 +117,7 @@ impl Session<'_> {
     }
 
     pub(super) fn end(mut self, exit: Exit) -> anyhow::Result<Exit> {
+        self.levels.end();
         let status = self.device.as_ref().map(|device| Arc::clone(&device.status)).unwrap_or_default();
         let stopped = self.device.take().map(Running::stop);
         let failure = stopped.and_then(Result::err).or_else(|| status.take_failure());

@@ -1,6 +1,7 @@
 //! A graph that plays: loads, reloads, device and messages.
 
 use super::level_curve::LevelCurves;
+use super::level_file::LevelFile;
 use super::{LiveSettings, LoadedGraph, load_graph};
 use crate::cli::Exit;
 use crate::cli::console::{Throttle, say, tell};
@@ -66,6 +67,8 @@ pub(super) struct Session<'a> {
     pub(super) shown: Instant,
     /// Levels of the last seconds.
     pub(super) curves: LevelCurves,
+    /// The file of the present levels.
+    pub(super) levels: LevelFile,
     pub(super) lost: Option<Instant>,
     pub(super) over: bool,
     /// Windows that are reported as missing in the recording.
