@@ -39,6 +39,7 @@ pub fn schema(registry: &Registry) -> Value {
         "properties": {
             "title": {"type": "string", "description": "What the graph is called."},
             "seed": {"type": "integer", "minimum": 0, "default": 0, "description": "Seed of all randomness in the graph."},
+            "extends": {"type": "string", "x-path": "input", "description": "The path of a graph that this one adds to and changes."},
             "params": {"type": "object", "description": "Values that \"$name\" stands for; --set changes them."},
             "use": {
                 "type": "object",

@@ -1,11 +1,12 @@
-//! `foley fmt`, `foley explain` and `foley completions`.
+//! `foley fmt`, `foley upgrade`, `foley explain` and `foley completions`.
 
 use super::Exit;
-use super::args::{Args, CompletionsArgs, ExplainArgs, FmtArgs};
+use super::args::{Args, CompletionsArgs, ExplainArgs, FmtArgs, UpgradeArgs};
 use super::console::stdout;
 use super::run::{show, write_whole};
 use crate::diag::{Diagnostic, SourceLocation, Sources, codes};
-use crate::graph::{Limits, nearest, read_text};
+use crate::graph::{self, Limits, nearest, read_text};
+use crate::lang::SyntaxError;
 use crate::lang::fmt::format;
 use anyhow::Context as _;
 use clap::CommandFactory as _;
@@ -35,15 +36,51 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
                 writeln!(stdout(), "laid out {name}")?;
             }
             Err(errors) => {
-                let mut sources = Sources::default();
-                let file = sources.add(name, text);
-                let one = |e: &crate::lang::SyntaxError| {
-                    let mut d =
-                        Diagnostic::error("F001", &e.message, SourceLocation { file, span: e.span.clone() });
-                    d.help = e.expected.as_ref().map(|x| format!("expected {x}"));
-                    d
-                };
-                show(&errors.iter().map(one).collect::<Vec<_>>(), &sources);
+                show_syntax(&name, text, &errors);
+                exit = Exit::Wrong;
+            }
+        }
+    }
+    Ok(exit)
+}
+
+/// Prints the syntax errors of a file.
+fn show_syntax(name: &str, text: String, errors: &[SyntaxError]) {
+    let mut sources = Sources::default();
+    let file = sources.add(name, text);
+    let one = |e: &SyntaxError| {
+        let mut d = Diagnostic::error("F001", &e.message, SourceLocation { file, span: e.span.clone() });
+        d.help = e.expected.as_ref().map(|x| format!("expected {x}"));
+        d
+    };
+    show(&errors.iter().map(one).collect::<Vec<_>>(), &sources);
+}
+
+/// Changes graph files of older versions to the present node types and fields.
+///
+/// # Errors
+/// When a file cannot be read or written.
+pub fn upgrade(args: &UpgradeArgs) -> anyhow::Result<Exit> {
+    let mut exit = Exit::Done;
+    for path in &args.graphs {
+        let name = path.display().to_string();
+        let text =
+            read_text(path, &name, Limits::default().graph_bytes).map_err(|e| anyhow::anyhow!(e.message))?;
+        match graph::upgrade(&text) {
+            Ok(upgraded) => {
+                for (line, what) in &upgraded.changes {
+                    writeln!(stdout(), "{name}:{line}: {what}")?;
+                }
+                if args.check {
+                    exit = if upgraded.changes.is_empty() { exit } else { Exit::Failed };
+                } else if upgraded.text != text {
+                    // A link stays a link.
+                    let real = fs::canonicalize(path).with_context(|| name.clone())?;
+                    write_whole(&real, &upgraded.text)?;
+                }
+            }
+            Err(errors) => {
+                show_syntax(&name, text, &errors);
                 exit = Exit::Wrong;
             }
         }

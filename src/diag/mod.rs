@@ -1,8 +1,10 @@
 //! Diagnostics: an error, its location and the correct form, as data and as text.
 
 pub mod codes;
+mod fix;
 mod render;
 
+pub use fix::{Change, Fix};
 pub use render::{json, plain, render};
 
 use foley_nodes::core::fault::{Fault, Reject};
@@ -59,6 +61,8 @@ pub struct Diagnostic {
     pub help: Option<String>,
     /// Time in the piece, for faults while running.
     pub time: Option<Tick>,
+    /// Corrections, the most probable first.
+    pub fixes: Vec<Fix>,
 }
 
 impl Diagnostic {
@@ -87,6 +91,7 @@ impl Diagnostic {
             node: None,
             help: None,
             time: None,
+            fixes: Vec::new(),
         }
     }
 
@@ -120,6 +125,13 @@ impl Diagnostic {
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
+        self
+    }
+
+    /// Adds corrections.
+    #[must_use]
+    pub fn fixes(mut self, fixes: impl IntoIterator<Item = Fix>) -> Self {
+        self.fixes.extend(fixes);
         self
     }
 

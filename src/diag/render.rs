@@ -1,9 +1,12 @@
 //! Diagnostics as text for people and as JSON for programs.
 
-use super::{Diagnostic, Severity, Source, SourceLocation, Sources};
+use super::{Diagnostic, Fix, Severity, Source, SourceLocation, Sources};
+use crate::lang::edit::TextEdit;
+use crate::lang::{Parse, parse};
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use serde_json::{Value, json};
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::ops::Range;
 
 /// Maximum number of diagnostics in text output.
@@ -161,7 +164,16 @@ fn clip(location: &SourceLocation, text: &str) -> Range<usize> {
 /// An array of `{code, severity, message, file, line, column, end_line, end_column, node, help}`.
 #[must_use]
 pub fn json(diagnostics: &[Diagnostic], sources: &Sources) -> Value {
-    let one = |d: &Diagnostic| {
+    let mut parsed = HashMap::new();
+    let mut fixes = |d: &Diagnostic| -> Vec<Value> {
+        let one = |fix: &Fix| {
+            let source = sources.get(fix.file()?)?;
+            let parse = parsed.entry(fix.file()).or_insert_with(|| parse(&source.text));
+            fix_json(fix, &source.name, parse)
+        };
+        d.fixes.iter().filter_map(one).collect()
+    };
+    let mut one = |d: &Diagnostic| {
         let at = d.location.as_ref().map(|p| {
             let file = sources.get(p.file).map(|s| s.name.clone());
             (file, sources.line_column(p.file, p.span.start), sources.line_column(p.file, p.span.end))
@@ -177,9 +189,17 @@ pub fn json(diagnostics: &[Diagnostic], sources: &Sources) -> Value {
             "end_column": at.as_ref().map(|(_, _, e)| e.1),
             "node": d.node,
             "help": d.help,
+            "fixes": fixes(d),
         })
     };
-    Value::Array(diagnostics.iter().map(one).collect())
+    Value::Array(diagnostics.iter().map(&mut one).collect())
+}
+
+/// A correction as JSON: its title and the edits of the file, with byte offsets.
+fn fix_json(fix: &Fix, file: &str, parse: &Parse) -> Option<Value> {
+    let edit = |e: &TextEdit| json!({"start": e.span.start, "end": e.span.end, "text": e.new_text});
+    let edits: Vec<Value> = fix.edits(parse)?.iter().map(edit).collect();
+    Some(json!({"title": fix.title, "file": file, "edits": edits}))
 }
 
 #[cfg(test)]

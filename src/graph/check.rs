@@ -1,6 +1,7 @@
 //! Checks the nodes of the text.
 
 use super::checked_node::{CheckedNode, RawLink};
+use super::fixes::{self, placeholder};
 use super::links::{feeders, link, links_of};
 use super::loader::{Loaded, Loader, RawNode};
 use super::order::{order, unused};
@@ -8,9 +9,11 @@ use super::outputs;
 use super::root::join;
 use super::sound;
 use super::suggest::{help, nearest};
+use super::upgrade::{former_field, renamed_type};
 use super::values::{Given, Origin};
 use super::{Graph, GraphNode, Link};
 use crate::diag::{Diagnostic, SourceLocation, any_error, sort};
+use crate::lang::edit::quote;
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::params::{Datum, FieldError, Mismatch, ParamKind, ParamSpec};
 use foley_nodes::core::ports::Arity;
@@ -28,7 +31,8 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
         checked.push(fields(node, &mut loader));
         let own = loader.found[before..].iter_mut().filter(|d| d.node.is_none());
         own.for_each(|d| d.node = Some(node.id.clone()));
-        *good &= loader.found.len() == before && loader.missing == missing;
+        let linked = checked.last().is_some_and(|c| c.as_ref().is_none_or(|c| c.unlinked.is_empty()));
+        *good &= linked && loader.found.len() == before && loader.missing == missing;
     }
     let mut found = std::mem::take(&mut loader.found);
     // An id refers to the first of several nodes with it, so that the others are reported once.
@@ -40,11 +44,22 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
             links.push(Vec::new());
             continue;
         };
+        found.extend(checked_node.unlinked.iter().map(|&port| unlinked(k, port, &raw, &checked, &loader)));
         let per_port = checked_node.ty.inputs.iter().zip(&checked_node.links).map(|(spec, texts)| {
-            let one = |text: &RawLink| match link(text, spec, &raw, &checked, &by_id, &loader) {
+            let one = |text: &RawLink| match link(
+                text,
+                (spec, &raw[k].location),
+                &raw,
+                &checked,
+                &by_id,
+                &loader,
+            ) {
                 Ok(link) => link,
                 Err(diagnostic) => {
-                    found.push(diagnostic.node(&raw[k].id));
+                    let value = (checked_node.ty.params)().into_iter().find(|param| param.name == spec.name);
+                    let value = value.and_then(|param| meant(&text.text, &param)).map(|(value, _)| value);
+                    let fix = value.map(|value| fixes::write(&value, &text.location));
+                    found.push(diagnostic.node(&raw[k].id).fixes(fix));
                     good[k] = false;
                     None
                 }
@@ -112,7 +127,13 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
         let hint = near.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
         let message = format!("there is no node type `{}`", node.type_name);
         let found = error("F010", message, &node.type_location);
-        loader.found.push(found.help(format!("{hint}`foley nodes` lists all node types")));
+        let former = renamed_type(&node.type_name);
+        let fix = former.or(near).map(|name| fixes::write(name, &node.type_location));
+        let help = match former {
+            Some(new) => format!("it is `{new}` now; `foley upgrade` changes it"),
+            None => format!("{hint}`foley nodes` lists all node types"),
+        };
+        loader.found.push(found.help(help).fixes(fix));
         return None;
     };
     let specs = (ty.params)();
@@ -120,6 +141,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
         ty: Arc::clone(&ty),
         params: None,
         links: ty.inputs.iter().map(|_| Vec::new()).collect(),
+        unlinked: Vec::new(),
         outputs: Vec::new(),
         fields: BTreeMap::new(),
         uses: BTreeMap::new(),
@@ -133,9 +155,14 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
         if param.is_none() && port.is_none() {
             // A parameter that takes a link as well is an input of the same name.
             let only = specs.iter().map(|s| s.name).filter(|s| ty.inputs.iter().all(|p| p.name != *s));
-            let names = ty.inputs.iter().map(|p| p.name).chain(only);
+            let names: Vec<&str> = ty.inputs.iter().map(|p| p.name).chain(only).collect();
             let message = format!("{} has no input or parameter `{name}`", ty.name);
-            loader.found.push(error("F011", message, key).help(help(name, "fields", names)));
+            let fix = fixes::rename(name, names.iter().copied(), key, str::to_owned);
+            let help = match former_field(ty.name, name) {
+                Some(advice) => format!("it is gone: {advice}; `foley upgrade` removes it"),
+                None => help(name, "fields", names),
+            };
+            loader.found.push(error("F011", message, key).help(help).fixes(fix));
             continue;
         }
         let location = given.location.clone();
@@ -175,11 +202,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
     }
     for (k, spec) in ty.inputs.iter().enumerate() {
         if spec.arity == Arity::One && !linked[k] && node.whole {
-            let message =
-                format!("input `{}` ({} of {}) has no link", spec.name, spec.kind.word(), spec.kind.name());
-            let feeders = feeders(spec, &loader.registry);
-            let help = format!("link it to a node that gives {}: {feeders}", spec.kind.name());
-            loader.found.push(error("F012", message, &node.location).help(help));
+            checked_node.unlinked.push(k);
         }
     }
     match (ty.read)(&|name| data.get(name).cloned()) {
@@ -200,10 +223,11 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
                     FieldError::Missing(name) | FieldError::Value(name, _) if broken.contains(name) => {}
                     FieldError::Missing(_) if !node.whole => {}
                     FieldError::Missing(name) => {
-                        let kind = specs.iter().find(|s| s.name == *name).map(|s| s.kind.to_string());
-                        let message =
-                            format!("parameter `{name}` ({}) has to be given", kind.unwrap_or_default());
-                        loader.found.push(error("F013", message, &node.location));
+                        let spec = specs.iter().find(|s| s.name == *name);
+                        let kind = spec.map(|s| s.kind.to_string()).unwrap_or_default();
+                        let message = format!("parameter `{name}` ({kind}) has to be given");
+                        let fix = spec.map(|s| fixes::set_field(&node.body(), name, &placeholder(s)));
+                        loader.found.push(error("F013", message, &node.location).fixes(fix));
                     }
                     FieldError::Value(name, mismatch) => {
                         let spec = specs.iter().find(|s| s.name == *name);
@@ -224,6 +248,43 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
     }
     Some(checked_node)
 }
+
+/// An input that needs a link and has none, with the nodes of the same graph that could be linked to it: those nearest above it first.
+fn unlinked(
+    at: usize,
+    port: usize,
+    raw: &[RawNode],
+    checked: &[Option<CheckedNode>],
+    loader: &Loader,
+) -> Diagnostic {
+    let node = &raw[at];
+    let inputs = checked[at].as_ref().map_or(&[][..], |node| node.ty.inputs);
+    let Some(spec) = inputs.get(port) else {
+        return Diagnostic::general("F099", "an input that does not exist: a defect in foley");
+    };
+    let message = format!("input `{}` ({} of {}) has no link", spec.name, spec.kind.word(), spec.kind.name());
+    let feeders = feeders(spec, &loader.registry);
+    let scope = node.id.rfind('.').map_or("", |end| &node.id[..=end]);
+    let above = (0..at).rev().chain(at + 1..raw.len());
+    let outputs = above.filter_map(|k| {
+        let id = raw[k].id.strip_prefix(scope).filter(|id| !id.contains('.'))?;
+        let outputs = checked[k].as_ref()?.ty.outputs;
+        let fits = outputs.iter().find(|output| output.kind.feeds(&spec.kind))?;
+        Some(if outputs.len() == 1 { id.to_owned() } else { format!("{id}.{}", fits.name) })
+    });
+    let value = |link: String| match spec.arity {
+        Arity::Many => format!("[{}]", quote(&link)),
+        Arity::One | Arity::Optional => quote(&link),
+    };
+    let fixes = outputs.take(MAX_LINKS).map(|link| fixes::set_field(&node.body(), spec.name, &value(link)));
+    Diagnostic::error("F012", message, node.location.clone())
+        .node(&node.id)
+        .help(format!("link it to a node that gives {}: {feeders}", spec.kind.name()))
+        .fixes(fixes)
+}
+
+/// Maximum number of nodes that are offered for an input without a link.
+const MAX_LINKS: usize = 4;
 
 /// The value as a parameter reads it; paths are made relative to the working folder.
 fn datum(given: &Given, spec: &ParamSpec, loader: &mut Loader) -> Option<Datum> {
@@ -358,11 +419,13 @@ fn missing_assets(
 const MAX_NUMBER: usize = 32;
 
 /// What a text stands for where a number, a rate or a choice is wanted: `"48 kHz"` for 48000.
-fn meant(text: &str, spec: &ParamSpec) -> Option<String> {
+///
+/// Returns the value, and the text that explains it.
+fn meant(text: &str, spec: &ParamSpec) -> Option<(String, String)> {
     let unit = match spec.kind.innermost() {
         ParamKind::Choice(choices) => {
             let (name, _) = choices.iter().find(|(name, _)| name.eq_ignore_ascii_case(text))?;
-            return Some(format!("{name}, without quotes"));
+            return Some(((*name).to_owned(), format!("{name}, without quotes")));
         }
         ParamKind::Rate => "Hz",
         ParamKind::Int | ParamKind::Float => spec.unit.unwrap_or_default(),
@@ -385,7 +448,7 @@ fn meant(text: &str, spec: &ParamSpec) -> Option<String> {
     // Without the last digits, which the product of decimals leaves.
     let value: f64 = format!("{:.12e}", factor * number).parse().ok()?;
     let unit = if unit.is_empty() { String::new() } else { format!("; the unit is {unit}") };
-    Some(format!("{value}, without quotes{unit}"))
+    Some((value.to_string(), format!("{value}, without quotes{unit}")))
 }
 
 /// Error for a value that a parameter, or the item `name` of it, does not accept.
@@ -399,26 +462,29 @@ fn mismatched(
     let unit = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
     match mismatch {
         Mismatch::Type { expected, found } => {
-            let error =
-                Diagnostic::error("F014", format!("`{name}` takes {expected}, found {found}"), location);
+            let message = format!("`{name}` takes {expected}, found {found}");
+            let error = Diagnostic::error("F014", message, location.clone());
             let text = found.strip_prefix('"').and_then(|text| text.strip_suffix('"'));
             match text.zip(spec).and_then(|(text, spec)| meant(text, spec)) {
-                Some(meant) => error.help(meant),
+                Some((value, meant)) => error.help(meant).fixes([fixes::write(&value, &location)]),
                 None => error,
             }
         }
         Mismatch::Range { found, bounds } => {
             let message = format!("`{name}` is {found}{unit}, out of its range");
             let help = format!("from {} to {}{unit}", bounds.min, bounds.max);
-            Diagnostic::error("F015", message, location).help(help)
+            let fix = fixes::clamp(*found, *bounds, &location);
+            Diagnostic::error("F015", message, location).help(help).fixes([fix])
         }
         Mismatch::NotFinite { found } => {
             Diagnostic::error("F016", format!("`{name}` is {found}, which is not a finite number"), location)
         }
         Mismatch::Choice { found, choices } => {
             let names = choices.iter().map(|(n, _)| *n);
+            let fixes = fixes::choices(found, choices, &location);
             Diagnostic::error("F017", format!("`{name}` has no choice `{found}`"), location)
                 .help(help(found, "choices", names))
+                .fixes(fixes)
         }
         Mismatch::Items(_) => Diagnostic::error("F014", format!("`{name}` has wrong items"), location),
     }

@@ -18,6 +18,8 @@ pub(super) struct CheckedNode {
     pub ty: Arc<NodeType>,
     pub params: Option<Box<dyn AnyParams>>,
     pub links: Vec<Vec<RawLink>>,
+    /// Inputs that need a link and have none.
+    pub unlinked: Vec<usize>,
     /// The files that it writes, with the fields that name them.
     pub outputs: Vec<(&'static str, String)>,
     pub fields: BTreeMap<String, SourceLocation>,

@@ -2,10 +2,12 @@
 
 use super::Link;
 use super::checked_node::{CheckedNode, RawLink};
+use super::fixes::{self, Converter};
 use super::loader::{Loader, RawNode};
 use super::suggest::help;
 use super::values::Given;
-use crate::diag::{Diagnostic, SourceLocation};
+use crate::diag::{Diagnostic, Fix, SourceLocation};
+use crate::lang::edit::quote;
 use crate::lang::{Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
@@ -22,8 +24,11 @@ pub(super) fn feeders(spec: &PortSpec, registry: &Registry) -> String {
 
 /// With the help that a name without quotes wants them.
 fn in_quotes(found: Diagnostic, value: &Value) -> Diagnostic {
-    match &value.value {
-        ValueKind::Name(name) => found.help(format!("\"{}\", in quotes", name.value)),
+    match (&value.value, found.location.clone()) {
+        (ValueKind::Name(name), Some(location)) => {
+            let fix = fixes::write(&quote(&name.value), &location);
+            found.help(format!("\"{}\", in quotes", name.value)).fixes([fix])
+        }
         _ => found,
     }
 }
@@ -70,7 +75,10 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
         (ValueKind::List(items), _) if items.len() != 1 => {
             let message = format!("input `{}` takes one link, found a list of {}", spec.name, items.len());
             let found = Diagnostic::error("F024", message, given.location.clone()).node(&node.id);
-            loader.found.push(found.help("put Mix in between to join several"));
+            let audio = matches!(spec.kind, PortKind::Stream(item) if item.name == "audio");
+            let mix = || fixes::mix(&given.location, &node.location, &loader.sources, &loader.registry);
+            let fix = if audio && !items.is_empty() { mix() } else { None };
+            loader.found.push(found.help("put Mix in between to join several").fixes(fix));
             Vec::new()
         }
         (_, Arity::Many) => {
@@ -84,10 +92,12 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
     }
 }
 
-/// Follows a link to the output that it names. `None` where the other node, or its whole sub-graph, has errors of its own.
+/// Follows a link to the output that it names. `reader` is the location of the node with the input.
+///
+/// `None` where the other node, or its whole sub-graph, has errors of its own.
 pub(super) fn link(
     raw: &RawLink,
-    input: &PortSpec,
+    (input, reader): (&PortSpec, &SourceLocation),
     nodes: &[RawNode],
     checked: &[Option<CheckedNode>],
     by_id: &HashMap<&str, usize>,
@@ -108,7 +118,10 @@ pub(super) fn link(
                 let message = format!("there is no node `{}`", raw.text);
                 let best: Vec<&str> = names.collect();
                 let found = if best.contains(&id) { raw.text.as_str() } else { id };
-                return Err(error("F020", message).help(help(found, "nodes", best)));
+                let rest = raw.text.strip_prefix(found).unwrap_or_default();
+                let written = |id: &str| quote(&format!("{id}{rest}"));
+                let fix = fixes::rename(found, best.iter().copied(), &raw.location, written);
+                return Err(error("F020", message).help(help(found, "nodes", best)).fixes(fix));
             }
         },
     };
@@ -120,11 +133,11 @@ pub(super) fn link(
             Some(at) => at,
             None => {
                 let message = format!("`{}` ({}) has no output `{port}`", nodes[node].id, ty.name);
-                return Err(error("F021", message).help(help(
-                    &port,
-                    "outputs",
-                    ports.iter().map(|p| p.name),
-                )));
+                let names = || ports.iter().map(|p| p.name);
+                let id = raw.text.strip_suffix(&port).unwrap_or_default();
+                let written = |port: &str| quote(&format!("{id}{port}"));
+                let fix = fixes::rename(&port, names(), &raw.location, written);
+                return Err(error("F021", message).help(help(&port, "outputs", names())).fixes(fix));
             }
         },
         None => match ports.len() {
@@ -137,8 +150,10 @@ pub(super) fn link(
                 let which = if fitting.is_empty() { &all } else { &fitting };
                 let names: Vec<String> =
                     which.iter().map(|&k| format!("\"{}.{}\"", raw.text, ports[k].name)).collect();
+                let fixes: Vec<Fix> = names.iter().map(|name| fixes::write(name, &raw.location)).collect();
                 let message = format!("`{}` ({}) has {} outputs", nodes[node].id, ty.name, ports.len());
-                return Err(error("F022", message).help(format!("name one: {}", names.join(" or "))));
+                let found = error("F022", message).help(format!("name one: {}", names.join(" or ")));
+                return Err(found.fixes(fixes));
             }
         },
     };
@@ -152,11 +167,16 @@ pub(super) fn link(
             output.name,
             kind_words(&output.kind)
         );
-        let between = between(&output.kind, &input.kind, &loader.registry);
+        let between = Converter::find(&output.kind, &input.kind, &loader.registry);
         let found = error("F023", message)
             .label(nodes[node].location.clone(), format!("gives {}", kind_words(&output.kind)));
         return Err(match between {
-            Some(name) => found.help(format!("put {name} in between")),
+            Some(converter) => {
+                let is_taken = |id: &str| by_id.contains_key(format!("{}{id}", raw.scope).as_str());
+                let insert = || converter.insert((&raw.text, &raw.location), reader, "", is_taken);
+                let fix = if converter.is_complete { insert() } else { None };
+                found.help(format!("put {} in between", converter.name)).fixes(fix)
+            }
             None => found.help(format!(
                 "nodes that give {}: {}",
                 input.kind.name(),
@@ -174,15 +194,4 @@ fn kind_words(kind: &PortKind) -> String {
         PortKind::Value(t) => format!("a {} value", t.name),
         PortKind::Fold(t) => format!("a {} made of a whole stream", t.name),
     }
-}
-
-/// A node type that converts the output of one port, as its only input, to the type of the other port.
-fn between(from: &PortKind, to: &PortKind, registry: &Registry) -> Option<&'static str> {
-    let fits = |ty: &&Arc<NodeType>| {
-        let needed = ty.inputs.iter().filter(|p| p.arity != Arity::Optional).count();
-        needed == 1
-            && ty.inputs.iter().any(|p| p.arity != Arity::Optional && from.feeds(&p.kind))
-            && ty.outputs.iter().any(|o| o.kind.feeds(to))
-    };
-    registry.types().iter().find(fits).map(|ty| ty.name)
 }

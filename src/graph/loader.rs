@@ -1,14 +1,16 @@
 //! Reads a graph file and its sub-graphs into one flat list of nodes, each with its origin.
 
 use super::Graph;
-use super::root::{Limits, Root};
+use super::fixes;
+use super::root::{Limits, Root, join};
 use super::suggest::help;
 use super::values::{Given, Origin, Override, Scope};
-use crate::diag::{Diagnostic, SourceLocation, Sources};
-use crate::lang::{self, Value};
+use crate::diag::{Diagnostic, Fix, SourceLocation, Sources};
+use crate::lang::edit::quote;
+use crate::lang::{self, Value, ValueKind};
 use foley_nodes::core::files::FileError;
 use foley_nodes::registry::Registry;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
@@ -32,6 +34,8 @@ pub struct RawNode {
     pub fields: Vec<(String, SourceLocation, Given)>,
     /// True if its text is complete enough to check.
     pub whole: bool,
+    /// True for `None`, which removes the node of a graph that is extended.
+    pub removes: bool,
 }
 
 /// Texts of graph files as they were first read: loads that share them do not read the files again, so that a half-done edit
@@ -40,6 +44,15 @@ pub struct RawNode {
 pub struct Texts(Mutex<BTreeMap<PathBuf, (PathBuf, String)>>);
 
 impl Texts {
+    /// Sets the text of a file that is not to be read from the disk, such as one with unsaved changes in an editor.
+    ///
+    /// `path` is the path as graphs resolve it: that of the graph, or the folder of the graph joined with what it names.
+    pub fn set(&self, path: &Path, text: impl Into<String>) {
+        let real = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let mut texts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        texts.insert(path.to_owned(), (real, text.into()));
+    }
+
     /// The real path and the text of a file that was read before.
     pub(super) fn get(&self, path: &Path) -> Option<(PathBuf, String)> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned()
@@ -137,6 +150,23 @@ pub struct Loaded {
     pub root: Root,
 }
 
+/// One file of a graph that extends others: each adds to those before, and replaces what they have.
+#[derive(Debug)]
+pub(super) struct Layer {
+    /// The file.
+    pub file: usize,
+    /// Folder to which its paths are relative.
+    pub folder: PathBuf,
+    fields: Vec<lang::ast::Field>,
+}
+
+impl Layer {
+    /// The value of a field of the graph.
+    pub fn get(&self, name: &str) -> Option<&Value> {
+        self.fields.iter().find(|field| field.name.value == name).map(|field| &field.value)
+    }
+}
+
 /// Everything read so far.
 #[derive(Debug, Default)]
 pub(super) struct Loader {
@@ -191,9 +221,34 @@ pub fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileErro
     })
 }
 
-pub(super) fn valid_id(id: &str) -> bool {
+/// Returns true for a text that can be the id of a node: a letter or `_`, then letters, digits, `_` and `-`.
+#[must_use]
+pub fn valid_id(id: &str) -> bool {
     let start = id.chars().next().is_some_and(|c| c.is_alphabetic() || c == '_');
     start && id.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-')
+}
+
+impl RawNode {
+    /// Takes over what a file that extends this node's file says of it.
+    fn extend(&mut self, new: Self) {
+        if new.type_name != self.type_name {
+            *self = new;
+            return;
+        }
+        self.whole &= new.whole;
+        for field in new.fields {
+            match self.fields.iter_mut().find(|(name, _, _)| *name == field.0) {
+                Some(old) => *old = field,
+                None => self.fields.push(field),
+            }
+        }
+    }
+
+    /// Location of its type and fields.
+    pub fn body(&self) -> SourceLocation {
+        let SourceLocation { file, span } = self.type_location.clone();
+        SourceLocation { file, span: span.start..self.end }
+    }
 }
 
 impl Loader {
@@ -219,7 +274,7 @@ impl Loader {
         self.found.push(Diagnostic::error(code, message, location));
     }
 
-    /// Reads one file below the id `prefix`; `given` are values for its parameters and nodes.
+    /// Reads one file below the id `prefix`, after the files that it extends; `given` are values for its parameters and nodes.
     pub(super) fn file(
         &mut self,
         name: &str,
@@ -229,12 +284,66 @@ impl Loader {
         given: Vec<(String, Given)>,
         chain: &mut Vec<PathBuf>,
     ) {
+        let length = chain.len();
+        let mut layers = Vec::new();
+        self.layers(name, text, path, chain, &mut layers);
+        chain.truncate(length);
+        for layer in layers.iter().filter(|_| prefix.is_empty()) {
+            self.header(layer.get("title"), layer.get("seed"), layer.file);
+        }
+        let (params, node_sets) = self.params(&layers, &given, prefix);
+        let scope = Scope { prefix: prefix.to_owned(), params: Arc::new(params) };
+        let uses = self.uses(&layers, &scope, &node_sets, chain);
+        self.node_list(&layers, &scope, &node_sets, &uses);
+    }
+
+    /// Reads a file and those that it extends, which come first.
+    fn layers(
+        &mut self,
+        name: &str,
+        text: String,
+        path: &Path,
+        chain: &mut Vec<PathBuf>,
+        layers: &mut Vec<Layer>,
+    ) {
+        let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+        let Some(layer) = self.layer(name, text, folder) else { return };
+        if let Some(base) = layer.get("extends").filter(|base| !base.is_error()) {
+            let location = SourceLocation { file: layer.file, span: base.span() };
+            match base.as_str() {
+                Some(base) => self.base(&join(&layer.folder, base), location, chain, layers),
+                None => {
+                    let message = format!("`extends` is the path of a graph, found {}", base.describe());
+                    self.error("F008", message, location);
+                }
+            }
+        }
+        layers.push(layer);
+    }
+
+    /// Reads the graph that another one extends.
+    fn base(
+        &mut self,
+        path: &str,
+        location: SourceLocation,
+        chain: &mut Vec<PathBuf>,
+        layers: &mut Vec<Layer>,
+    ) {
+        if let Some((real, text)) = self.other(path, location, chain) {
+            chain.push(real);
+            self.layers(path, text, Path::new(path), chain, layers);
+        }
+    }
+
+    /// Parses one file, and checks what fields it has.
+    fn layer(&mut self, name: &str, text: String, folder: PathBuf) -> Option<Layer> {
         let parsed = lang::parse(&text);
         let file = self.sources.add(name, text);
         for e in parsed.errors() {
             let mut diagnostic =
                 Diagnostic::error("F001", &e.message, SourceLocation { file, span: e.span.clone() });
             diagnostic.help = e.expected.as_ref().map(|expected| format!("expected {expected}"));
+            diagnostic.fixes.extend(fixes::syntax(e, file));
             self.found.push(diagnostic);
         }
         let document = parsed.document();
@@ -243,20 +352,24 @@ impl Loader {
             Some(schema) if schema.value == SCHEMA => {}
             Some(schema) => {
                 let message = format!("schema {:?} is not one that this version reads", schema.value);
+                let found = Diagnostic::error("F003", message, at(schema.span()));
                 self.found.push(
-                    Diagnostic::error("F003", message, at(schema.span()))
-                        .help(format!("write #![schema = {SCHEMA:?}]")),
+                    found
+                        .help(format!("write #![schema = {SCHEMA:?}]"))
+                        .fixes([fixes::write(&quote(SCHEMA), &at(schema.span()))]),
                 );
             }
             None => {
                 let warning =
                     Diagnostic::warning("F003", "the file does not say which schema it follows", at(0..0));
-                self.found.push(warning.help(format!("begin with #![schema = {SCHEMA:?}]")));
+                let line = format!("#![schema = {SCHEMA:?}]");
+                let fix = Fix::replace(format!("begin with {line}"), at(0..0), format!("{line}\n"));
+                self.found.push(warning.help(format!("begin with {line}")).fixes([fix]));
             }
         }
-        let Some(value) = document.value else { return };
+        let value = document.value?;
         let fields = match value.as_struct() {
-            Some((Some(name), fields)) if name.value == "Graph" => fields,
+            Some((Some(name), fields)) if name.value == "Graph" => fields.to_vec(),
             _ => {
                 if !value.is_error() {
                     let what = match value.as_struct() {
@@ -266,12 +379,11 @@ impl Loader {
                     let found = format!("expected Graph(...), found {what}");
                     self.error("F002", found, at(value.span()));
                 }
-                return;
+                return None;
             }
         };
-        let folder = path.parent().map(Path::to_owned).unwrap_or_default();
         let mut seen: BTreeMap<&str, SourceLocation> = BTreeMap::new();
-        for field in fields {
+        for field in &fields {
             let name = field.name.value.as_str();
             if let Some(first) = seen.get(name) {
                 let found =
@@ -280,24 +392,18 @@ impl Loader {
                 continue;
             }
             seen.insert(name, at(field.name.span()));
-            let known = ["title", "seed", "params", "use", "nodes"];
+            let known = ["title", "seed", "extends", "params", "use", "nodes"];
             if !known.contains(&name) {
                 let found = Diagnostic::error(
                     "F004",
                     format!("a graph has no field `{name}`"),
                     at(field.name.span()),
                 );
-                self.found.push(found.help(help(name, "fields", known)));
+                let fix = fixes::rename(name, known, &at(field.name.span()), str::to_owned);
+                self.found.push(found.help(help(name, "fields", known)).fixes(fix));
             }
         }
-        let get = |name: &str| fields.iter().find(|f| f.name.value == name).map(|f| &f.value);
-        if prefix.is_empty() {
-            self.header(get("title"), get("seed"), file);
-        }
-        let (params, node_sets) = self.params(get("params"), &given, file, &folder, prefix);
-        let scope = Scope { prefix: prefix.to_owned(), params: Arc::new(params) };
-        let uses = self.uses(get("use"), file, &folder, &scope, &node_sets, chain);
-        self.node_list(get("nodes"), file, &folder, &scope, &node_sets, &uses);
+        Some(Layer { file, folder, fields })
     }
 
     fn header(&mut self, title: Option<&Value>, seed: Option<&Value>, file: usize) {
@@ -356,40 +462,14 @@ impl Loader {
             .push(found.help("an id starts with a letter and continues with letters, digits, `_` and `-`"));
     }
 
-    fn node_list(
-        &mut self,
-        value: Option<&Value>,
-        file: usize,
-        folder: &Path,
-        scope: &Scope,
-        sets: &[(String, Given)],
-        uses: &[String],
-    ) {
-        let mut first: BTreeMap<String, SourceLocation> = BTreeMap::new();
+    fn node_list(&mut self, layers: &[Layer], scope: &Scope, sets: &[(String, Given)], uses: &[String]) {
         let start = self.nodes.len();
-        for entry in self.entries(value, file, "nodes") {
-            let Some(id) = entry.key.as_str() else { continue };
-            let key = SourceLocation { file, span: entry.key.span() };
-            // A node whose id is wrong is checked like any other.
-            if !valid_id(id) {
-                self.bad_id(id, key.clone());
-            } else if let Some(earlier) = first.get(id) {
-                let found = Diagnostic::error("F006", format!("the id `{id}` exists twice"), key.clone());
-                self.found.push(
-                    found
-                        .label(earlier.clone(), "first here")
-                        .help("ids are the identity of nodes: give one of them another name"),
-                );
-            } else if uses.iter().any(|u| u == id) {
-                self.error("F006", format!("`{id}` is the name of a sub-graph already"), key.clone());
-            }
-            first.entry(id.to_owned()).or_insert_with(|| key.clone());
-            if self.nodes.len() >= self.limits.nodes {
-                let found = Diagnostic::error("F009", format!("more than {} nodes", self.limits.nodes), key);
-                self.stop(found.help("--max-nodes allows more"));
+        for layer in layers {
+            let before = self.nodes.len();
+            if !self.layer_nodes(layer, scope, uses) {
                 return;
             }
-            self.node(id, key, &entry.value, file, folder, scope);
+            self.merge_nodes(start, before);
         }
         for (target, value) in sets {
             let Some((id, param)) = target.split_once('.') else { continue };
@@ -414,21 +494,70 @@ impl Loader {
         }
     }
 
-    fn node(
-        &mut self,
-        id: &str,
-        location: SourceLocation,
-        value: &Value,
-        file: usize,
-        folder: &Path,
-        scope: &Scope,
-    ) {
+    /// Adds the nodes of one file; returns false where there are too many.
+    fn layer_nodes(&mut self, layer: &Layer, scope: &Scope, uses: &[String]) -> bool {
+        let mut first: BTreeMap<String, SourceLocation> = BTreeMap::new();
+        for entry in self.entries(layer.get("nodes"), layer.file, "nodes") {
+            let Some(id) = entry.key.as_str() else { continue };
+            let key = SourceLocation { file: layer.file, span: entry.key.span() };
+            // A node whose id is wrong is checked like any other.
+            if !valid_id(id) {
+                self.bad_id(id, key.clone());
+            } else if let Some(earlier) = first.get(id) {
+                let found = Diagnostic::error("F006", format!("the id `{id}` exists twice"), key.clone());
+                self.found.push(
+                    found
+                        .label(earlier.clone(), "first here")
+                        .help("ids are the identity of nodes: give one of them another name"),
+                );
+            } else if uses.iter().any(|u| u == id) {
+                self.error("F006", format!("`{id}` is the name of a sub-graph already"), key.clone());
+            }
+            first.entry(id.to_owned()).or_insert_with(|| key.clone());
+            if self.nodes.len() >= self.limits.nodes {
+                let found = Diagnostic::error("F009", format!("more than {} nodes", self.limits.nodes), key);
+                self.stop(found.help("--max-nodes allows more"));
+                return false;
+            }
+            self.node(id, key, &entry.value, layer, scope);
+        }
+        true
+    }
+
+    /// Merges the nodes from `new` on into those of the files that are extended, from `start` on: fields replace those of the
+    /// same node, another type replaces the node, and `None` removes it.
+    fn merge_nodes(&mut self, start: usize, new: usize) {
+        if start == new {
+            return;
+        }
+        let added = self.nodes.split_off(new);
+        let place: HashMap<String, usize> =
+            self.nodes[start..].iter().enumerate().map(|(k, n)| (n.id.clone(), start + k)).collect();
+        let mut removed = BTreeSet::new();
+        for node in added {
+            match place.get(&node.id) {
+                Some(&at) if node.removes => drop(removed.insert(at)),
+                Some(&at) => self.nodes[at].extend(node),
+                None => self.nodes.push(node),
+            }
+        }
+        let mut at = 0;
+        self.nodes.retain(|_| {
+            at += 1;
+            !removed.contains(&(at - 1))
+        });
+    }
+
+    fn node(&mut self, id: &str, location: SourceLocation, value: &Value, layer: &Layer, scope: &Scope) {
+        let file = layer.file;
         let at = |span: std::ops::Range<usize>| SourceLocation { file, span };
         let id = format!("{}{id}", scope.prefix);
         let (name, fields) = match value.as_struct() {
             Some((Some(name), fields)) => (name, fields),
             _ => {
-                if !value.is_error() {
+                let removes = value.value == ValueKind::Option(None);
+                let is_known = || self.nodes.iter().any(|node| node.id == id && node.location.file != file);
+                if !value.is_error() && !(removes && is_known()) {
                     let message =
                         format!("a node is NodeType(field: value, ...), found {}", value.describe());
                     self.found.push(Diagnostic::error("F010", message, at(value.span())).node(&id));
@@ -441,6 +570,7 @@ impl Loader {
                     end: value.span().end,
                     fields: Vec::new(),
                     whole: false,
+                    removes,
                 });
                 return;
             }
@@ -462,7 +592,7 @@ impl Loader {
             let given = Given {
                 value: field.value.clone(),
                 location: at(field.value.span()),
-                folder: folder.to_owned(),
+                folder: layer.folder.clone(),
                 scope: scope.clone(),
                 origin: Origin::Text,
             };
@@ -470,6 +600,16 @@ impl Loader {
         }
         let (type_name, type_location) = (name.value.clone(), at(name.span()));
         let end = value.span().end;
-        self.nodes.push(RawNode { id, type_name, type_location, location, end, fields: read, whole });
+        let removes = false;
+        self.nodes.push(RawNode {
+            id,
+            type_name,
+            type_location,
+            location,
+            end,
+            fields: read,
+            whole,
+            removes,
+        });
     }
 }

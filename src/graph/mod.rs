@@ -4,6 +4,7 @@
 
 mod check;
 mod checked_node;
+mod fixes;
 mod links;
 mod load;
 mod loader;
@@ -14,14 +15,17 @@ mod root;
 mod sound;
 mod sub_graphs;
 mod suggest;
+mod upgrade;
 mod values;
 
+pub use fixes::{free_id, placeholder, resample};
 pub use load::{load, load_text};
-pub use loader::{LoadOptions, Loaded, SCHEMA, Texts, read_text};
+pub use loader::{LoadOptions, Loaded, SCHEMA, Texts, read_text, valid_id};
 pub use outputs::{output_path, written};
 pub use parameters::message_source;
-pub use root::{Asked, DirFiles, Limits, Root, Stamp, files_in, matching};
+pub use root::{Asked, DirFiles, Limits, Root, Stamp, files_in, join, matching};
 pub use suggest::nearest;
+pub use upgrade::{Upgraded, upgrade};
 pub use values::Override;
 
 use crate::diag::{SourceLocation, Sources};

@@ -1,12 +1,14 @@
 //! Parameters of a graph: overrides from the command line, and `"$name"` in texts.
 
-use super::loader::{LoadOptions, Loader};
+use super::fixes;
+use super::loader::{Layer, LoadOptions, Loader};
 use super::suggest::help;
 use super::values::{Given, Origin, Override, Scope};
 use crate::diag::{Diagnostic, SourceLocation};
+use crate::lang::edit::quote;
 use crate::lang::{self, Value, ValueKind};
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 
 /// Name of the source of a value that a message sets, as diagnostics show it.
 #[must_use]
@@ -67,32 +69,40 @@ impl Loader {
         given
     }
 
-    /// The graph's parameters with the values from outside, and values for nodes.
+    /// The graph's parameters with the values from outside, and values for nodes. Parameters of a file replace those of the files
+    /// that it extends.
     pub(super) fn params(
         &mut self,
-        value: Option<&Value>,
+        layers: &[Layer],
         given: &[(String, Given)],
-        file: usize,
-        folder: &Path,
         prefix: &str,
     ) -> (BTreeMap<String, Given>, Vec<(String, Given)>) {
         let mut params: BTreeMap<String, Given> = BTreeMap::new();
-        for entry in self.entries(value, file, "params") {
-            let Some(name) = entry.key.as_str() else { continue };
-            let location = SourceLocation { file, span: entry.value.span() };
-            let scope = Scope { prefix: prefix.to_owned(), ..Scope::default() };
-            let own = Given {
-                value: entry.value.clone(),
-                location,
-                folder: folder.to_owned(),
-                scope,
-                origin: Origin::Text,
-            };
-            let key = SourceLocation { file, span: entry.key.span() };
-            if params.insert(name.to_owned(), own).is_some() {
-                self.error("F005", format!("parameter `{name}` is given twice"), key);
-            } else {
-                self.all_params.push((format!("{prefix}{name}"), key));
+        let own_file = layers.last().map_or(0, |layer| layer.file);
+        for layer in layers {
+            let file = layer.file;
+            let mut seen = BTreeSet::new();
+            for entry in self.entries(layer.get("params"), file, "params") {
+                let Some(name) = entry.key.as_str() else { continue };
+                let location = SourceLocation { file, span: entry.value.span() };
+                let scope = Scope { prefix: prefix.to_owned(), ..Scope::default() };
+                let own = Given {
+                    value: entry.value.clone(),
+                    location,
+                    folder: layer.folder.clone(),
+                    scope,
+                    origin: Origin::Text,
+                };
+                let key = SourceLocation { file, span: entry.key.span() };
+                if !seen.insert(name) {
+                    self.error("F005", format!("parameter `{name}` is given twice"), key);
+                } else {
+                    let replaces = params.insert(name.to_owned(), own).is_some();
+                    // A graph that extends another one need not use all of its parameters.
+                    if !replaces && file == own_file {
+                        self.all_params.push((format!("{prefix}{name}"), key));
+                    }
+                }
             }
         }
         let mut node_sets = Vec::new();
@@ -172,12 +182,12 @@ impl Loader {
                 }
                 None => {
                     let names: Vec<String> = given.scope.params.keys().cloned().collect();
-                    let found = Diagnostic::error(
-                        "F027",
-                        format!("this graph has no parameter `{name}`"),
-                        given.location,
-                    );
-                    self.found.push(found.help(help(&name, "parameters", names.iter().map(String::as_str))));
+                    let names = || names.iter().map(String::as_str);
+                    let fix =
+                        fixes::rename(&name, names(), &given.location, |name| quote(&format!("${name}")));
+                    let message = format!("this graph has no parameter `{name}`");
+                    let found = Diagnostic::error("F027", message, given.location);
+                    self.found.push(found.help(help(&name, "parameters", names())).fixes(fix));
                     return None;
                 }
             }

@@ -1,6 +1,6 @@
 //! The sub-graphs that a graph file uses.
 
-use super::loader::{Loader, read_text, valid_id};
+use super::loader::{Layer, Loader, read_text, valid_id};
 use super::root::join;
 use super::values::{Given, Origin, Scope};
 use crate::diag::{Diagnostic, SourceLocation, any_error};
@@ -8,28 +8,34 @@ use crate::lang::{self, Value, ValueKind};
 use std::path::{Path, PathBuf};
 
 impl Loader {
-    /// Reads the sub-graphs; returns their names.
+    /// Reads the sub-graphs; returns their names. A sub-graph of a file replaces that of the same name of the files that it extends.
     pub(super) fn uses(
         &mut self,
-        value: Option<&Value>,
-        file: usize,
-        folder: &Path,
+        layers: &[Layer],
         scope: &Scope,
         sets: &[(String, Given)],
         chain: &mut Vec<PathBuf>,
     ) -> Vec<String> {
         let (mut names, start) = (Vec::new(), self.found.len());
-        for entry in self.entries(value, file, "use") {
-            let Some(name) = entry.key.as_str() else { continue };
-            let key = SourceLocation { file, span: entry.key.span() };
-            if !valid_id(name) {
-                self.bad_id(name, key);
-                continue;
+        let mut entries: Vec<(&Layer, &lang::ast::Entry)> = Vec::new();
+        for layer in layers {
+            let own = entries.len();
+            for entry in self.entries(layer.get("use"), layer.file, "use") {
+                let Some(name) = entry.key.as_str() else { continue };
+                let key = SourceLocation { file: layer.file, span: entry.key.span() };
+                let earlier = entries.iter().position(|(_, e)| e.key.as_str() == Some(name));
+                match earlier {
+                    _ if !valid_id(name) => self.bad_id(name, key),
+                    Some(at) if at >= own => {
+                        self.error("F006", format!("sub-graph `{name}` exists twice"), key)
+                    }
+                    Some(at) => entries[at] = (layer, entry),
+                    None => entries.push((layer, entry)),
+                }
             }
-            if names.contains(&name.to_owned()) {
-                self.error("F006", format!("sub-graph `{name}` exists twice"), key);
-                continue;
-            }
+        }
+        for (Layer { file, folder, .. }, entry) in entries {
+            let (file, name) = (*file, entry.key.as_str().unwrap_or_default());
             names.push(name.to_owned());
             let location = SourceLocation { file, span: entry.value.span() };
             let inner = |params: Option<&Value>| -> Vec<(String, Given)> {
@@ -39,7 +45,7 @@ impl Loader {
                     let given = Given {
                         value: e.value.clone(),
                         location,
-                        folder: folder.to_owned(),
+                        folder: folder.clone(),
                         scope: scope.clone(),
                         origin: Origin::Text,
                     };
@@ -87,8 +93,23 @@ impl Loader {
         given: Vec<(String, Given)>,
         chain: &mut Vec<PathBuf>,
     ) {
+        let Some((real, text)) = self.other(path, location.clone(), chain) else { return };
+        chain.push(real);
+        self.used_at.push(location);
+        self.file(path, text, Path::new(path), prefix, given, chain);
+        self.used_at.pop();
+        chain.pop();
+    }
+
+    /// The real path and the text of a graph that another one uses or extends; `chain` are the graphs that are being read.
+    pub(super) fn other(
+        &mut self,
+        path: &str,
+        location: SourceLocation,
+        chain: &[PathBuf],
+    ) -> Option<(PathBuf, String)> {
         if self.full {
-            return;
+            return None;
         }
         let known = self.texts.as_ref().and_then(|texts| texts.get(Path::new(path)));
         let (real, known) = match known {
@@ -100,45 +121,42 @@ impl Loader {
                 Ok(real) => (real, None),
                 Err(e) => {
                     self.error(e.code, e.message, location);
-                    return;
+                    return None;
                 }
             },
         };
         if chain.contains(&real) {
             self.error("F031", format!("{path:?} uses itself"), location);
-            return;
+            return None;
         }
         if chain.len() > self.limits.depth {
             let message = format!("more than {} sub-graphs inside each other", self.limits.depth);
             self.found.push(Diagnostic::error("F009", message, location).help("--max-depth allows more"));
-            return;
+            return None;
         }
         self.uses += 1;
         if self.uses > self.limits.nodes {
             let message = format!("more than {} uses of sub-graphs", self.limits.nodes);
             self.stop(Diagnostic::error("F009", message, location).help("--max-nodes allows more"));
-            return;
+            return None;
         }
         let limit = self.limits.graph_bytes;
-        match known.map_or_else(|| read_text(&real, path, limit), Ok) {
-            Ok(text) => {
-                self.cache_text(Path::new(path), &real, &text);
-                self.text_bytes += text.len() as u64;
-                if self.text_bytes > self.limits.graph_bytes {
-                    let most = self.limits.graph_bytes;
-                    let message = format!(
-                        "the sub-graphs have more than {most} bytes, each counted as often as it is used"
-                    );
-                    self.stop(Diagnostic::error("F009", message, location));
-                    return;
-                }
-                chain.push(real);
-                self.used_at.push(location);
-                self.file(path, text, Path::new(path), prefix, given, chain);
-                self.used_at.pop();
-                chain.pop();
+        let text = match known.map_or_else(|| read_text(&real, path, limit), Ok) {
+            Ok(text) => text,
+            Err(e) => {
+                self.error("F030", e.message, location);
+                return None;
             }
-            Err(e) => self.error("F030", e.message, location),
+        };
+        self.cache_text(Path::new(path), &real, &text);
+        self.text_bytes += text.len() as u64;
+        if self.text_bytes > self.limits.graph_bytes {
+            let most = self.limits.graph_bytes;
+            let message =
+                format!("the sub-graphs have more than {most} bytes, each counted as often as it is used");
+            self.stop(Diagnostic::error("F009", message, location));
+            return None;
         }
+        Some((real, text))
     }
 }

@@ -141,7 +141,10 @@ impl Parse {
     /// # Complexity
     /// Linear in the depth of the tree, the children on the way, and the size of the values.
     pub fn values_at(&self, span: &Span) -> Vec<Value> {
-        read::nodes_at(self, span).filter(|node| node.kind().is_value()).map(|node| read::value(&node)).collect()
+        read::nodes_at(self, span)
+            .filter(|node| node.kind().is_value())
+            .map(|node| read::value(&node))
+            .collect()
     }
 
     /// The values of which something with exactly this span is an item, the outermost first.

@@ -1,5 +1,5 @@
-//! The place of a cursor in a text that may be half-typed: the brackets around it and what can stand there. Only the tokens
-//! before the cursor count, so nothing that follows can hide it.
+//! The place of a cursor in a text that may be half-typed: the brackets around it and what can stand there. The brackets are those
+//! of the tokens before the cursor, so nothing that follows can hide it.
 
 use super::error::Span;
 use super::lexer::{Token, lex};
@@ -53,6 +53,8 @@ pub struct Cursor {
     pub slot: Slot,
     /// The word, number or text that the cursor is in or at the end of.
     pub word: Option<Word>,
+    /// Keys and names of fields that follow in the innermost bracket.
+    pub following: Vec<String>,
 }
 
 /// A token that is being typed.
@@ -70,7 +72,7 @@ impl Cursor {
     /// The place of a byte offset in a text; `None` inside a comment.
     ///
     /// # Complexity
-    /// Linear in the text up to the offset.
+    /// Linear in the text.
     #[must_use]
     pub fn at(text: &str, offset: usize) -> Option<Self> {
         let offset = offset.min(text.len());
@@ -98,28 +100,15 @@ impl Cursor {
             }
         }
         let slot = scan.slot(offset);
-        Some(Self { slot, word, frames: scan.frames })
-    }
-
-    /// The innermost open bracket whose name is not `Some`, and the key or field of the value at the cursor in it.
-    #[must_use]
-    pub fn innermost(&self) -> Option<(&Frame, &Slot)> {
-        let frame = self.frames.iter().rev().find(|frame| !frame.is_some())?;
-        Some((frame, &self.slot))
+        let rest = word.as_ref().map_or(offset, |word| word.span.end);
+        let following = keys(&text[rest..]);
+        Some(Self { slot, word, frames: scan.frames, following })
     }
 }
 
 impl Frame {
     fn document() -> Self {
-        Self {
-            opener: Document,
-            start: 0,
-            name: None,
-            key: None,
-            index: 0,
-            given: Vec::new(),
-            current: None,
-        }
+        Self { opener: Document, start: 0, name: None, key: None, index: 0, given: Vec::new(), current: None }
     }
 
     /// Returns true for the bracket of `Some(...)`.
@@ -139,6 +128,26 @@ impl Frame {
     pub fn key(&self) -> Option<&str> {
         self.key.as_ref().map(|key| &*key.text)
     }
+}
+
+/// Keys and names of fields in a text up to the bracket that closes it.
+fn keys(text: &str) -> Vec<String> {
+    let tokens = lex(text).tokens;
+    let significant: Vec<Token> = tokens.into_iter().filter(|token| !token.kind.is_trivia()).collect();
+    let (mut depth, mut found) = (0_usize, Vec::new());
+    for (k, token) in significant.iter().enumerate() {
+        match token.kind {
+            LParen | LBracket | LBrace => depth += 1,
+            RParen | RBracket | RBrace if depth == 0 => break,
+            RParen | RBracket | RBrace => depth -= 1,
+            Colon if depth == 0 && k > 0 => {
+                let key = significant[k - 1];
+                found.push(text[key.start..key.end].trim_matches('"').to_owned());
+            }
+            _ => {}
+        }
+    }
+    found
 }
 
 /// Returns true for a string without its closing quote.
@@ -191,10 +200,12 @@ impl Scan<'_> {
         let Some(top) = self.frames.last() else { return };
         match token.kind {
             LParen | LBracket | LBrace => {
-                let name = last.filter(|last| matches!(last.kind, Ident | RawIdent) && last.end <= token.start);
+                let name =
+                    last.filter(|last| matches!(last.kind, Ident | RawIdent) && last.end <= token.start);
                 let name = name.map(|name| self.key(name));
                 let start = name.as_ref().map_or(token.start, |name| name.span.start);
-                let frame = Frame { opener: token.kind, start, name, key: top.current.clone(), ..Frame::document() };
+                let frame =
+                    Frame { opener: token.kind, start, name, key: top.current.clone(), ..Frame::document() };
                 self.frames.push(frame);
             }
             RParen | RBracket | RBrace => {
@@ -210,7 +221,9 @@ impl Scan<'_> {
                 }
             }
             Colon | Eq => {
-                let Some(key) = last.filter(|last| matches!(last.kind, Ident | RawIdent | Str)) else { return };
+                let Some(key) = last.filter(|last| matches!(last.kind, Ident | RawIdent | Str)) else {
+                    return;
+                };
                 let key_of_map = key.kind == Str;
                 let key = self.key(key);
                 // A quoted key stands in a map: the brackets in it have not been closed yet.
@@ -261,6 +274,13 @@ mod tests {
     }
 
     #[test]
+    fn fields_that_follow_are_known() {
+        let text = "Graph(nodes: {\"a\": Gain(, audio: \"x\", gain: [(b: 1)]), \"c\": Mix()";
+        let cursor = Cursor::at(text, text.find(", audio").unwrap()).unwrap();
+        assert_eq!(cursor.following, ["audio", "gain"]);
+    }
+
+    #[test]
     fn half_typed_texts_have_their_places() {
         for (text, expected) in [
             ("|", " item"),
@@ -273,11 +293,17 @@ mod tests {
                 "Graph(nodes: {\"a\": Gain(audio: \"no|\n  gain: 1",
                 "/Graph#0 nodes/#0 a/Gain#0 value of audio Str no",
             ),
-            ("Graph(nodes: {\"a\": Mix(inputs: [\"b\", \"|\"]", "/Graph#0 nodes/#0 a/Mix#0 inputs/#1 item Str "),
+            (
+                "Graph(nodes: {\"a\": Mix(inputs: [\"b\", \"|\"]",
+                "/Graph#0 nodes/#0 a/Mix#0 inputs/#1 item Str ",
+            ),
             ("Graph(nodes: {\"a\": Gain(audio: \"x\"|", "/Graph#0 nodes/#0 a/Gain#0 after"),
             // Neither the bracket nor the comma of the node above is there yet.
             ("Graph(nodes: {\n\"a\": Gain(audio: \"x\"\n\"b\": G|", "/Graph#0 nodes/#0 value of b Ident G"),
-            ("Graph(nodes: {\"a\": Noise(duration: Some(1|))", "/Graph#0 nodes/#0 a/Noise#0 duration/Some#0 item Number 1"),
+            (
+                "Graph(nodes: {\"a\": Noise(duration: Some(1|))",
+                "/Graph#0 nodes/#0 a/Noise#0 duration/Some#0 item Number 1",
+            ),
             ("Graph(// no|te\nnodes: {", "comment"),
             ("Graph(/* | */ nodes: {", "comment"),
             ("Graph(nodes: { // a\n  |", "/Graph#0 nodes/#0 item"),

@@ -18,7 +18,7 @@ mod wiring;
 pub use delays::{Cause, Continuation, Delays};
 pub use live_plan::{AudioSink, Draft, LivePlan, SinkContinuation};
 pub use memory::format_bytes;
-pub use offline_plan::{Phase, Plan, faults};
+pub use offline_plan::{Phase, Plan, sound_shapes};
 pub use options::{PlanOptions, WINDOW};
 pub use partition::runs_on_worker;
 pub use region::{BufferPlan, DEPTH, Export, Import, PlanInput, PlanNode, PlanOutput, Region, Runnable};

@@ -94,9 +94,14 @@ impl Analysis {
     }
 }
 
-/// Errors that planning finds in the [sound part](crate::graph::Loaded::sound) of a graph.
-pub fn faults(sound: &Graph, files: &dyn Files, options: &PlanOptions) -> Vec<Diagnostic> {
-    Analysis::of(sound, files, options).errors
+/// Shapes of the [sound part](crate::graph::Loaded::sound) of a graph, empty for nodes that failed, and the errors that planning finds in it.
+pub fn sound_shapes(
+    sound: &Graph,
+    files: &dyn Files,
+    options: &PlanOptions,
+) -> (Vec<NodeShape>, Vec<Diagnostic>) {
+    let Analysis { shapes, errors, .. } = Analysis::of(sound, files, options);
+    (shapes, errors)
 }
 
 /// The plan of a run.

@@ -1,7 +1,7 @@
 //! Shapes of all nodes of a graph: formats, rates, lengths and look-around.
 
-use crate::diag::Diagnostic;
-use crate::graph::{Graph, Link};
+use crate::diag::{Diagnostic, Fix};
+use crate::graph::{Graph, Link, resample};
 use foley_nodes::core::fault::Reject;
 use foley_nodes::core::files::Files;
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
@@ -41,7 +41,8 @@ pub fn shape_all(graph: &Graph, files: &dyn Files) -> Shaped {
                 errors.extend(rejects.into_iter().map(|reject| {
                     let location = graph.location(n, reject.field.as_deref());
                     let source = rate_source(graph, &shapes, n, &reject);
-                    Diagnostic::of_reject(with_source(reject, source), location, &node.id)
+                    let fix = resampled(graph, n, &reject);
+                    Diagnostic::of_reject(with_source(reject, source), location, &node.id).fixes(fix)
                 }));
             }
         }
@@ -75,6 +76,14 @@ fn rate_source<'a>(graph: &'a Graph, shapes: &[NodeShape], n: usize, reject: &Re
         }
         link = first;
     }
+}
+
+/// The correction of a stream of audio that has another rate.
+fn resampled(graph: &Graph, n: usize, reject: &Reject) -> Option<Fix> {
+    let (field, rate) = (reject.field.as_deref()?, reject.rate?);
+    let port = graph.nodes[n].ty.inputs.iter().find(|spec| Some(spec.name) == field.split('[').next())?;
+    let audio = matches!(port.kind, PortKind::Stream(item) if item.name == "audio");
+    audio.then(|| resample(graph, n, field, rate))?
 }
 
 /// A rejection whose advice names the node that sets the rate.

@@ -3,19 +3,22 @@
 //! [`Session`] holds the settings; [`Session::prepare`] makes a [`Prepared`] graph of them, which renders as often as wanted.
 
 mod errors;
+mod inspection;
 mod prepared;
 
 pub use errors::Errors;
+pub use inspection::Inspection;
 pub use prepared::{Preparation, Prepared};
 
 use crate::diag::{Severity, any_error, sort};
 use crate::graph::{DirFiles, LoadOptions, Loaded, Override, Texts, load, load_text};
 use crate::live::{Callback, LiveGraph, Options, Player};
 use crate::memo::Memo;
-use crate::plan::{Plan, PlanOptions, faults};
+use crate::plan::{Plan, PlanOptions, sound_shapes};
 use crate::run::{MemoryTap, Progress, Report, check_memory_tap, check_tap};
 use foley_nodes::core::files::MemoryOutputs;
 use foley_nodes::core::input::Inputs;
+use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::{Tick, seconds, ticks};
 use foley_nodes::registry::Registry;
 use std::path::{Path, PathBuf};
@@ -231,18 +234,27 @@ impl Session {
     /// them is found in one pass.
     #[must_use]
     pub fn load(&self) -> (Loaded, DirFiles) {
+        let (loaded, files, _) = self.load_shaped();
+        (loaded, files)
+    }
+
+    /// As [`Session::load`], with the shapes of the sound part of a graph that cannot run.
+    fn load_shaped(&self) -> (Loaded, DirFiles, Vec<NodeShape>) {
         let mut loaded = match &self.source {
             Source::File(path) => load(path, &self.options),
             Source::Text(text, path) => load_text("graph", text, path, &self.options),
         };
         let files = DirFiles::new(std::mem::take(&mut loaded.root), self.options.limits);
+        let mut known = Vec::new();
         if let Some(sound) = &loaded.sound {
             let options = PlanOptions { until: self.until, ..PlanOptions::default() };
-            loaded.diagnostics.extend(faults(sound, &files, &options));
+            let (shapes, errors) = sound_shapes(sound, &files, &options);
+            known = shapes;
+            loaded.diagnostics.extend(errors);
             sort(&mut loaded.diagnostics, &loaded.sources);
         }
         loaded.diagnostics.retain(|d| !self.quiet || d.severity == Severity::Error);
-        (loaded, files)
+        (loaded, files, known)
     }
 
     /// Reads, checks and plans the graph.
@@ -297,15 +309,25 @@ impl Session {
     /// A graph without an end is not wrong: it may be meant to be played.
     #[must_use]
     pub fn check(&self) -> Errors {
-        let (loaded, files) = self.load();
+        self.inspect().errors
+    }
+
+    /// What [`Session::check`] finds, with the graph itself, or its valid part, and the shapes of its nodes: for editors.
+    #[must_use]
+    pub fn inspect(&self) -> Inspection {
+        let (loaded, files, mut shapes) = self.load_shaped();
         let mut diagnostics = loaded.diagnostics;
-        let mut notes = Vec::new();
+        let (mut notes, mut latencies) = (Vec::new(), Vec::new());
         if let Some(graph) = &loaded.graph {
             // A graph without an end has the same notes up to any end.
             for until in [self.until, Some(ticks(1.0))] {
                 let memory = self.options.limits.memory;
                 match Plan::new(graph, &files, &PlanOptions { memory, until, ..PlanOptions::default() }) {
-                    Ok(plan) => notes = plan.notes(graph),
+                    Ok(plan) => {
+                        notes = plan.notes(graph);
+                        latencies = (0..graph.nodes.len()).map(|n| plan.latency(n)).collect();
+                        shapes = plan.shapes;
+                    }
                     Err(found) if until.is_none() && found.iter().all(|d| d.code == "F048") => continue,
                     Err(found) => diagnostics.extend(found.into_iter().filter(|d| d.code != "F048")),
                 }
@@ -313,7 +335,9 @@ impl Session {
             }
         }
         sort(&mut diagnostics, &loaded.sources);
-        Errors { diagnostics, notes, sources: loaded.sources }
+        let graph = loaded.graph.or(loaded.sound).unwrap_or_default();
+        let errors = Errors { diagnostics, notes, sources: loaded.sources };
+        Inspection { errors, graph, shapes, latencies, asked: files.asked() }
     }
 
     /// Runs the graph to its end; its files appear below `folder`, all of them or none.

@@ -5,7 +5,9 @@
 
 use foley::diag::{Diagnostic, Severity, Sources, any_error, codes, json, render, sort};
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load, load_text};
-use foley::plan::{Plan, PlanOptions, faults};
+use foley::lang::edit::apply;
+use foley::lang::parse;
+use foley::plan::{Plan, PlanOptions, sound_shapes};
 use foley::run::{DirOutputs, Job, Progress, run};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -48,7 +50,7 @@ fn findings(path: &Path) -> (Vec<Diagnostic>, Sources) {
     let mut found = loaded.diagnostics;
     let files = DirFiles::new(loaded.root, limits);
     let Some(graph) = loaded.graph else {
-        found.extend(faults(&loaded.sound.unwrap(), &files, &options));
+        found.extend(sound_shapes(&loaded.sound.unwrap(), &files, &options).1);
         sort(&mut found, &loaded.sources);
         return (found, loaded.sources);
     };
@@ -224,7 +226,7 @@ Graph({outside}
     let codes = |text: &str| -> Vec<&str> {
         let loaded = load_text("a.ron", text, Path::new("a.ron"), &LoadOptions::default());
         let files = DirFiles::new(loaded.root, Limits::default());
-        let more = faults(&loaded.sound.unwrap(), &files, &PlanOptions::default());
+        let more = sound_shapes(&loaded.sound.unwrap(), &files, &PlanOptions::default()).1;
         loaded.diagnostics.iter().chain(&more).map(|d| d.code).collect()
     };
     assert_eq!(codes(&text(" gain: 0.5", "")), ["F001", "F045"]);
@@ -269,8 +271,19 @@ fn lines_and_columns_count_characters_from_one() {
 
 #[test]
 fn json_has_all_fields_for_every_case() {
-    let fields =
-        ["code", "severity", "message", "file", "line", "column", "end_line", "end_column", "node", "help"];
+    let fields = [
+        "code",
+        "severity",
+        "message",
+        "file",
+        "line",
+        "column",
+        "end_line",
+        "end_column",
+        "node",
+        "help",
+        "fixes",
+    ];
     for path in cases() {
         let (found, sources) = findings(&path);
         let report = json(&found, &sources);
@@ -280,6 +293,14 @@ fn json_has_all_fields_for_every_case() {
             assert!(fields.iter().all(|f| object.contains_key(*f)), "{one}");
             assert_eq!(one["severity"], if d.severity == Severity::Error { "error" } else { "warning" });
             assert_eq!(one["line"].is_u64(), d.location.is_some());
+            // Every correction can be made in the text, and leaves RON.
+            assert_eq!(one["fixes"].as_array().unwrap().len(), d.fixes.len(), "{one}");
+            for fix in &d.fixes {
+                let text = &sources.get(fix.file().unwrap()).unwrap().text;
+                let parsed = parse(text);
+                let fixed = apply(text, &fix.edits(&parsed).unwrap()).unwrap();
+                assert!(parse(&fixed).errors().len() <= parsed.errors().len(), "{fix:?}: {fixed}");
+            }
         }
     }
 }

@@ -235,3 +235,25 @@ fn likeness_finds_what_a_sound_repeats() {
     let (is_done, _, message) = run(&["twice.wav", "none.wav"]);
     assert!(!is_done && message.contains("none.wav"), "{message}");
 }
+
+#[test]
+fn an_older_graph_is_upgraded_in_place_and_its_comments_stay() {
+    let dir = tempfile::tempdir().unwrap();
+    let old = "// Old.\nGraph(nodes: {\n    \"take\": WavIn(path: \"a.wav\"),\n    \"mfcc\": Mfcc(audio: \"take\", balance: \"take\"), // features\n})\n";
+    fs::write(dir.path().join("a.ron"), old).unwrap();
+    let found = foley(dir.path(), &["check", "a.ron"]);
+    let text = String::from_utf8_lossy(&found.stderr).into_owned();
+    assert!(text.contains("it is gone: put InterauralCues") && text.contains("`foley upgrade`"), "{text}");
+    let checked = foley(dir.path(), &["upgrade", "--check", "a.ron"]);
+    assert_eq!(checked.status.code(), Some(1));
+    assert_eq!(fs::read_to_string(dir.path().join("a.ron")).unwrap(), old);
+    let shown = stdout(&foley(dir.path(), &["upgrade", "a.ron"]));
+    assert!(shown.contains("a.ron:4: `mfcc`: `balance` is removed: put InterauralCues"), "{shown}");
+    let new = fs::read_to_string(dir.path().join("a.ron")).unwrap();
+    assert_eq!(new, format!("#![schema = \"foley:graph/1\"]\n{}", old.replace(", balance: \"take\"", "")));
+    assert_eq!(stdout(&foley(dir.path(), &["upgrade", "--check", "a.ron"])), "");
+    fs::write(dir.path().join("b.ron"), "Graph(nodes: {").unwrap();
+    let wrong = foley(dir.path(), &["upgrade", "b.ron"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("F001"));
+}

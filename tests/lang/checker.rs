@@ -4,7 +4,7 @@ use foley::diag::{any_error, json, render};
 use foley::draw::{Drawing, svg};
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load_text};
 use foley::lang::parse;
-use foley::plan::{PlanOptions, faults};
+use foley::plan::{PlanOptions, sound_shapes};
 use foley_nodes::core::random::Rng;
 use std::fs;
 use std::path::Path;
@@ -99,7 +99,7 @@ fn judge_with(text: &str, sets: &[Override]) -> bool {
     // The rest of a damaged graph can be shaped, and reports its errors with locations.
     assert_eq!(loaded.graph.is_none(), loaded.sound.is_some());
     let files = DirFiles::new(loaded.root, Limits::default());
-    for d in loaded.sound.iter().flat_map(|sound| faults(sound, &files, &PlanOptions::default())) {
+    for d in loaded.sound.iter().flat_map(|sound| sound_shapes(sound, &files, &PlanOptions::default()).1) {
         assert!(d.location.is_some() && d.node.is_some(), "{d:?} in\n{text}");
     }
     if let Some(graph) = &loaded.graph {

@@ -105,7 +105,8 @@ pub fn insert_entry_before(parse: &Parse, key: Span, entry: &str) -> Result<Vec<
     let root = parse.syntax();
     let token = tokens_from(parse, key.start).next().filter(|token| start(token) == key.start);
     let mut maps = token.iter().flat_map(|token| token.parent_ancestors());
-    let map = maps.find(|node| node.kind() == SyntaxKind::Map).ok_or_else(|| EditError::NoKey(key.clone()))?;
+    let map =
+        maps.find(|node| node.kind() == SyntaxKind::Map).ok_or_else(|| EditError::NoKey(key.clone()))?;
     let map = Span::from(map.text_range());
     if !container_at(parse, &map).is_ok_and(|found| at_key(&found)) {
         return Err(EditError::NoKey(key));
@@ -159,7 +160,8 @@ pub fn set_field(
     new_text: &str,
 ) -> Result<Vec<TextEdit>, EditError> {
     let found = parse.values_at(&structure).into_iter().rfind(|value| value.as_struct().is_some());
-    let found = found.map(|value| (value.field(name).map(Value::span), matches!(value.value, ValueKind::Name(_))));
+    let found =
+        found.map(|value| (value.field(name).map(Value::span), matches!(value.value, ValueKind::Name(_))));
     match found {
         Some((Some(span), _)) => set_value(parse, span, new_text),
         // A name alone has no parentheses yet.
