@@ -6,16 +6,18 @@ mod budget;
 mod common;
 mod engine;
 mod live;
+mod lsp;
 mod memo;
 mod peers;
 mod sheet;
 
 type Bench = (&'static str, fn());
 
-const BENCHES: [Bench; 6] = [
+const BENCHES: [Bench; 7] = [
     ("budget", budget::bench),
     ("engine", engine::bench),
     ("live", live::bench),
+    ("lsp", lsp::bench),
     ("memo", memo::bench),
     ("peers", peers::bench),
     ("sheet", sheet::bench),

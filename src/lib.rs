@@ -39,6 +39,8 @@ pub mod draw;
 pub mod graph;
 pub mod lang;
 pub mod live;
+#[doc(hidden)]
+pub mod lsp;
 pub mod memo;
 pub mod plan;
 pub mod run;

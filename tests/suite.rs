@@ -7,6 +7,7 @@ mod cli;
 mod cloth;
 mod lang;
 mod live;
+mod lsp;
 mod numbers;
 mod run;
 mod scrape;

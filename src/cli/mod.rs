@@ -9,6 +9,7 @@ mod draw;
 mod levels;
 mod likeness;
 mod live;
+mod lsp;
 mod new;
 mod nodes;
 mod plan;
@@ -106,6 +107,7 @@ pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
         Command::Live(args) => live::live(&args, registry),
         Command::Check(args) => check::check(&args, registry),
         Command::Fmt(args) => text::fmt(&args),
+        Command::Upgrade(args) => text::upgrade(&args),
         Command::Plan(args) => plan::plan(&args, registry),
         Command::Nodes(args) => nodes::nodes(&args, registry),
         Command::Explain(args) => text::explain(&args),
@@ -117,5 +119,6 @@ pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
         Command::Schema => schema::print(registry),
         Command::Docs(args) => docs::docs(&args, registry),
         Command::Completions(args) => text::completions(&args),
+        Command::Lsp(args) => lsp::lsp(&args, registry),
     }
 }

@@ -5,6 +5,7 @@ pub const GUIDE: &[(&str, &str)] = &[
     ("introduction", include_str!("../../docs/src/introduction.md")),
     ("first-sound", include_str!("../../docs/src/first-sound.md")),
     ("graphs", include_str!("../../docs/src/graphs.md")),
+    ("editors", include_str!("../../docs/src/editors.md")),
     ("running", include_str!("../../docs/src/running.md")),
     ("watching", include_str!("../../docs/src/watching.md")),
     ("live", include_str!("../../docs/src/live.md")),

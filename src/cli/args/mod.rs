@@ -44,6 +44,9 @@ pub enum Command {
     /// Lay out graph files; comments and grouping stay
     #[command(after_help = "Examples:\n  foley fmt piece.ron\n  foley fmt --check graphs/cloth/*.ron")]
     Fmt(FmtArgs),
+    /// Change graph files of older versions to the present node types and fields; comments stay
+    #[command(after_help = "Examples:\n  foley upgrade piece.ron\n  foley upgrade --check graphs/*.ron")]
+    Upgrade(UpgradeArgs),
     /// Show rates, delays, buffers, memory and latency before running
     #[command(after_help = "Examples:\n  foley plan piece.ron\n  foley plan graphs/cloth/live.ron --long")]
     Plan(PlanArgs),
@@ -84,6 +87,8 @@ pub enum Command {
         after_help = "Examples:\n  foley completions bash > ~/.local/share/bash-completion/completions/foley\n  foley completions zsh > _foley"
     )]
     Completions(CompletionsArgs),
+    /// Serve an editor over standard input and output: findings, completion, hover, renames
+    Lsp(LspArgs),
 }
 
 /// The graph and its settings.
@@ -436,6 +441,17 @@ pub struct FmtArgs {
     pub check: bool,
 }
 
+/// Arguments of `foley upgrade`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct UpgradeArgs {
+    /// The graph files
+    #[arg(required = true)]
+    pub graphs: Vec<PathBuf>,
+    /// Change nothing; fail where something would change
+    #[arg(long)]
+    pub check: bool,
+}
+
 /// Arguments of `foley plan`.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct PlanArgs {
@@ -584,4 +600,25 @@ pub struct DocsArgs {
 pub struct CompletionsArgs {
     /// The shell
     pub shell: Shell,
+}
+
+/// Arguments of `foley lsp`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct LspArgs {
+    /// Let the graphs read below this folder too
+    #[arg(long, value_name = "DIR")]
+    pub allow_read: Vec<PathBuf>,
+    #[command(flatten)]
+    pub limits: LimitArgs,
+    /// Standard input and output, which is the only transport: some editors name it
+    #[arg(long, hide = true)]
+    pub stdio: bool,
+}
+
+impl LspArgs {
+    /// The settings with which graphs are loaded.
+    #[must_use]
+    pub fn options(&self, registry: &Arc<Registry>) -> LoadOptions {
+        load_options(registry, &[], &self.allow_read, &self.limits)
+    }
 }

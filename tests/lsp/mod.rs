@@ -1,0 +1,6 @@
+//! The language server, by its messages.
+
+mod actions;
+mod editor;
+mod reading;
+mod typing;
