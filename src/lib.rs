@@ -43,6 +43,7 @@ pub mod live;
 pub mod lsp;
 pub mod memo;
 pub mod plan;
+pub mod probe;
 pub mod run;
 pub mod session;
 #[doc(hidden)]

@@ -13,6 +13,7 @@ mod lsp;
 mod new;
 mod nodes;
 mod plan;
+mod probe;
 mod progress;
 mod run;
 mod schema;
@@ -102,6 +103,7 @@ pub fn run(registry: Registry) -> ExitCode {
 pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     match args.command {
         Command::Run(args) => run::run(&args, registry),
+        Command::Probe(args) => probe::probe(&args, registry),
         Command::Watch(args) if args.live => live::watch(&args, registry),
         Command::Watch(args) => watch::watch(&args, registry),
         Command::Live(args) => live::live(&args, registry),

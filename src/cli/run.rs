@@ -6,7 +6,7 @@ use super::console;
 use super::progress::Watch;
 use crate::diag::{Diagnostic, Sources, render};
 use crate::graph::written;
-use crate::run::{DirOutputs, Report, Tap};
+use crate::run::{DirOutputs, Progress, Report, Tap};
 use crate::session::{Prepared, Session};
 use foley_nodes::registry::Registry;
 use std::io::Write;
@@ -26,6 +26,19 @@ pub fn prepare(session: &Session) -> Option<Prepared> {
     preparation.prepared
 }
 
+/// Stops a run at the first Ctrl-C, and ends the process at the second.
+pub(super) fn stop_on_signals(progress: &Arc<Progress>) {
+    let stop = Arc::clone(progress);
+    // Only the first handler of a process can be set; a second run in the same process uses the first one.
+    let _ = ctrlc::set_handler(move || {
+        // The first signal waits for the current computation, so that no partial file remains; the second one does not.
+        if stop.stop.swap(true, Ordering::SeqCst) {
+            console::tell("stopped at once: what was begun may lie in the output folder as `.part`");
+            std::process::exit(Exit::Again.code().into());
+        }
+    });
+}
+
 /// Runs a graph.
 ///
 /// # Errors
@@ -37,15 +50,7 @@ pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     }
     let session = args.session(registry).with_memo(memo.map(Arc::new));
     let Some(ready) = prepare(&session) else { return Ok(Exit::Wrong) };
-    let stop = Arc::clone(session.progress());
-    // Only the first handler of a process can be set; a second run in the same process uses the first one.
-    let _ = ctrlc::set_handler(move || {
-        // The first signal waits for the current computation, so that no partial file remains; the second one does not.
-        if stop.stop.swap(true, Ordering::SeqCst) {
-            console::tell("stopped at once: what was begun may lie in the output folder as `.part`");
-            std::process::exit(Exit::Again.code().into());
-        }
-    });
+    stop_on_signals(session.progress());
     match render_files(&ready, args) {
         Ok(report) => {
             print_results(&report, &ready, args)?;

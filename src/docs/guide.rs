@@ -11,6 +11,7 @@ pub const GUIDE: &[(&str, &str)] = &[
     ("live", include_str!("../../docs/src/live.md")),
     ("time", include_str!("../../docs/src/time.md")),
     ("taps", include_str!("../../docs/src/taps.md")),
+    ("probing", include_str!("../../docs/src/probing.md")),
     ("cloth", include_str!("../../docs/src/cloth.md")),
     ("crumple", include_str!("../../docs/src/crumple.md")),
     ("impact", include_str!("../../docs/src/impact.md")),

@@ -73,6 +73,8 @@ pub struct LoadOptions {
     pub registry: Arc<Registry>,
     /// Values for its parameters and nodes; later ones win.
     pub overrides: Vec<Override>,
+    /// Folder to which paths in `overrides` are relative; empty for the working folder.
+    pub override_folder: PathBuf,
     /// Values that arrived in messages; they win over `overrides`, and name only files below the graph's own folder.
     pub messages: Vec<Override>,
     /// Folders outside its own that it may read.
@@ -90,6 +92,7 @@ impl Default for LoadOptions {
         Self {
             registry: Arc::clone(&STANDARD),
             overrides: Vec::new(),
+            override_folder: PathBuf::new(),
             messages: Vec::new(),
             allow_read: Vec::new(),
             limits: Limits::default(),

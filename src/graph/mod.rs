@@ -11,6 +11,7 @@ mod loader;
 mod order;
 mod outputs;
 mod parameters;
+mod part;
 mod root;
 mod sound;
 mod sub_graphs;
@@ -24,7 +25,7 @@ pub use loader::{LoadOptions, Loaded, SCHEMA, Texts, read_text, valid_id};
 pub use outputs::{output_path, written};
 pub use parameters::message_source;
 pub use root::{Asked, DirFiles, Limits, Root, Stamp, files_in, join, matching};
-pub use suggest::nearest;
+pub use suggest::{help as suggestion, nearest};
 pub use upgrade::{Upgraded, upgrade};
 pub use values::Override;
 

@@ -8,7 +8,6 @@ use crate::diag::{Diagnostic, SourceLocation};
 use crate::lang::edit::quote;
 use crate::lang::{self, Value, ValueKind};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
 
 /// Name of the source of a value that a message sets, as diagnostics show it.
 #[must_use]
@@ -63,7 +62,10 @@ impl Loader {
             };
             let scope = Scope::default();
             // A message names files as the text of the graph does.
-            let folder = if origin == Origin::Message { self.folder.clone() } else { PathBuf::new() };
+            let folder = match origin {
+                Origin::Message => self.folder.clone(),
+                Origin::Text | Origin::CommandLine => options.override_folder.clone(),
+            };
             given.push((target.clone(), Given { value: node, location: text(file), folder, scope, origin }));
         }
         given

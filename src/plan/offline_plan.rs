@@ -148,7 +148,10 @@ impl Plan {
                 split.phase_of[n] == k && matches!(kind, PortKind::Stream(_) | PortKind::Events(_))
             };
             let taps = options.taps.iter().copied().enumerate().filter(|(_, (n, p))| runs(*n, *p));
-            let taps: Vec<_> = taps.collect();
+            // Of the phases in which a node runs, the last one runs to the end of the piece.
+            let last = |n: usize| split.phases.iter().rposition(|nodes| nodes.contains(&n)) == Some(k);
+            let observed = (options.taps.len()..).zip(options.observed.iter().copied());
+            let taps: Vec<_> = taps.chain(observed.filter(|(_, (n, _))| last(*n))).collect();
             phases.push(Phase::new(graph, &shapes, nodes.clone(), &taps, window, options)?);
         }
         let bytes = phases.iter().map(|p| p.bytes).max().unwrap_or(0);

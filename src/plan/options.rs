@@ -17,6 +17,9 @@ pub struct PlanOptions {
     pub memory: usize,
     /// Outputs to write to files: node and port.
     pub taps: Vec<(usize, usize)>,
+    /// Outputs that are observed where their nodes run anyway: no node runs for them, and no phase takes longer. Their numbers follow those of
+    /// the taps.
+    pub observed: Vec<(usize, usize)>,
 }
 
 /// The default window, 20 ms: long enough to pay for passing it on, short enough to stay in the processor's cache.
@@ -31,6 +34,7 @@ impl Default for PlanOptions {
             until: None,
             memory: 4 << 30,
             taps: Vec::new(),
+            observed: Vec::new(),
         }
     }
 }

@@ -110,8 +110,10 @@ impl<'j> PartialPhase<'j> {
             Runnable::Tap(k) => job.taps.get(k).map(|tap| (k, (tap.node, tap.port))),
             Runnable::Node(_) => None,
         };
-        let taps: Vec<_> =
+        let mut taps: Vec<_> =
             phase.regions.iter().flat_map(|r| &r.nodes).filter_map(|n| tap(n.runnable)).collect();
+        // Those that determine the length of the phase come first.
+        taps.sort_unstable();
         let links = phase.nodes.iter().flat_map(|&n| job.graph.nodes[n].links.iter().flatten());
         let mut read: BTreeSet<(usize, usize)> = links.map(|l| (l.node, l.port)).collect();
         read.extend(taps.iter().map(|(_, tap)| *tap));
@@ -323,7 +325,8 @@ impl<'j> PartialPhase<'j> {
         let pending = pending.map(|(i, p)| (streams.first_tap + i, (p.node, p.port)));
         let taps: Vec<_> = self.taps.iter().copied().chain(pending).collect();
         let nodes = self.phase.nodes.iter().copied().filter(|n| self.needed.contains(n)).collect();
-        self.job.plan.replan_phase(graph, nodes, &taps, self.taps.len(), self.job.threads)
+        let planned = self.taps.iter().filter(|(k, _)| !self.job.taps[*k].is_observer()).count();
+        self.job.plan.replan_phase(graph, nodes, &taps, planned, self.job.threads)
     }
 
     /// The selection of nodes, for a checkpoint.

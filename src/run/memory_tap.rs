@@ -13,10 +13,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// A receiver of one output of a run.
 pub trait MemoryTap: Debug + Send + Sync {
-    /// The kind and type of outputs that it receives.
-    fn kind(&self) -> PortKind;
+    /// The kind and type of outputs that it receives; `None` for all.
+    fn kind(&self) -> Option<PortKind>;
     /// Starts to collect a stream with its shape, or events.
-    fn start(&self, shape: Option<&StreamShape>) -> Box<dyn DynNode>;
+    fn start(&self, kind: PortKind, shape: Option<&StreamShape>) -> Box<dyn DynNode>;
     /// Receives a value.
     fn set(&self, value: &AnyValue);
 }
@@ -123,11 +123,11 @@ impl<T: Item> MemoryTap for StreamTap<T>
 where
     T: Debug,
 {
-    fn kind(&self) -> PortKind {
-        PortKind::Stream(OfItem::<T>::INFO)
+    fn kind(&self) -> Option<PortKind> {
+        Some(PortKind::Stream(OfItem::<T>::INFO))
     }
 
-    fn start(&self, shape: Option<&StreamShape>) -> Box<dyn DynNode> {
+    fn start(&self, _: PortKind, shape: Option<&StreamShape>) -> Box<dyn DynNode> {
         let empty = shape.and_then(|shape| {
             Some(StreamData { rate: shape.rate, format: shape.format::<T>()?.clone(), data: Vec::new() })
         });
@@ -139,11 +139,11 @@ where
 }
 
 impl<T: Event> MemoryTap for EventTap<T> {
-    fn kind(&self) -> PortKind {
-        PortKind::Events(OfEvent::<T>::INFO)
+    fn kind(&self) -> Option<PortKind> {
+        Some(PortKind::Events(OfEvent::<T>::INFO))
     }
 
-    fn start(&self, _: Option<&StreamShape>) -> Box<dyn DynNode> {
+    fn start(&self, _: PortKind, _: Option<&StreamShape>) -> Box<dyn DynNode> {
         self.0.update(|events| *events = Some(Vec::new()));
         Box::new(EventCollector::<T>(Arc::clone(&self.0)))
     }
@@ -152,11 +152,11 @@ impl<T: Event> MemoryTap for EventTap<T> {
 }
 
 impl<T: Data> MemoryTap for ValueTap<T> {
-    fn kind(&self) -> PortKind {
-        PortKind::Value(OfData::<T>::INFO)
+    fn kind(&self) -> Option<PortKind> {
+        Some(PortKind::Value(OfData::<T>::INFO))
     }
 
-    fn start(&self, _: Option<&StreamShape>) -> Box<dyn DynNode> {
+    fn start(&self, _: PortKind, _: Option<&StreamShape>) -> Box<dyn DynNode> {
         Box::new(Ignored)
     }
 
@@ -206,7 +206,7 @@ impl<T: Event> DynNode for EventCollector<T> {
 }
 
 /// Stands for the collector of a value, which no stage runs.
-struct Ignored;
+pub(super) struct Ignored;
 
 impl DynNode for Ignored {
     fn run(&mut self, _: &Cx<'_>) -> Result<(), Fault> {

@@ -8,13 +8,17 @@ mod cached_streams;
 mod chart_writer;
 mod checkpointer;
 mod clipping;
+mod columns;
 mod engine;
+mod envelope;
 mod job;
 mod memory_tap;
+mod observer;
 mod output_files;
 mod report;
 mod silence;
 mod stages;
+mod stream_chart;
 mod tap;
 mod tap_writers;
 mod targets;
@@ -22,13 +26,17 @@ mod values;
 
 pub use crate::memo::Values;
 pub use clipping::{Loudness, advice as clipping_advice};
+pub use columns::Columns;
+pub use envelope::{Envelope, SILENCE_DB};
 pub use job::{Job, Progress};
 pub use memory_tap::{EventTap, MemoryTap, StreamData, StreamTap, ValueTap};
+pub use observer::{Observer, ObserverTap};
 pub use output_files::DirOutputs;
 pub use report::{NodeReport, OutputReport, Report};
 pub use silence::{Period, explain as explain_silence, reads_messages};
 pub use stages::{BuildSite, assemble, stage};
-pub use tap::{Tap, TapTarget, check as check_tap, check_memory as check_memory_tap};
+pub use stream_chart::StreamChart;
+pub use tap::{Tap, TapTarget, check as check_tap, check_memory as check_memory_tap, find as find_output};
 pub use targets::{check as check_targets, check_given};
 
 use crate::diag::Diagnostic;
@@ -58,7 +66,8 @@ pub fn run(job: &Job<'_>) -> Result<Report, Vec<Diagnostic>> {
         checkpoints.remove();
     }
     report.close(job, start.elapsed());
-    let tapped: Vec<_> = job.taps.iter().map(|tap| (tap.node, tap.port)).collect();
+    let taps = job.taps.iter().filter(|tap| !tap.is_observer());
+    let tapped: Vec<_> = taps.map(|tap| (tap.node, tap.port)).collect();
     report.notes.extend(silence::explain(job.graph, &report.nodes, &tapped, Period::Run));
     report.notes.extend(clipping::notes(job.graph, &report.nodes));
     Ok(report)

@@ -5,7 +5,7 @@
 
 use super::memory_tap::MemoryTap;
 use crate::diag::Diagnostic;
-use crate::graph::{Graph, nearest};
+use crate::graph::{Graph, Link, nearest, suggestion};
 use foley_nodes::core::ports::PortKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -28,6 +28,8 @@ pub enum TapTarget {
     File(PathBuf),
     /// Into memory, as it is.
     Memory(Arc<dyn MemoryTap>),
+    /// Into memory, as far as its node runs for others: see [`PlanOptions::observed`](crate::plan::PlanOptions::observed).
+    Observer(Arc<dyn MemoryTap>),
 }
 
 impl Tap {
@@ -36,8 +38,14 @@ impl Tap {
     pub fn path(&self) -> Option<&Path> {
         match &self.target {
             TapTarget::File(path) => Some(path),
-            TapTarget::Memory(_) => None,
+            TapTarget::Memory(_) | TapTarget::Observer(_) => None,
         }
+    }
+
+    /// Returns true for a tap that makes no node run.
+    #[must_use]
+    pub fn is_observer(&self) -> bool {
+        matches!(self.target, TapTarget::Observer(_))
     }
 }
 
@@ -50,7 +58,8 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
     let Some((name, path)) = text.split_once('=') else {
         return Err(error(format!("--tap {text}: write NODE.PORT=FILE")));
     };
-    let (node, port) = find(graph, name)?;
+    let (node, port) =
+        find(graph, name).map_err(|e| Diagnostic { message: format!("--tap: {}", e.message), ..e })?;
     let path = PathBuf::from(path);
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     let fits: &[&str] = match graph.nodes[node].ty.outputs[port].kind {
@@ -81,13 +90,13 @@ pub fn check(graph: &Graph, text: &str) -> Result<Tap, Diagnostic> {
 pub fn check_memory(graph: &Graph, name: &str, tap: &Arc<dyn MemoryTap>) -> Result<Tap, Diagnostic> {
     let (node, port) = find(graph, name)?;
     let kind = graph.nodes[node].ty.outputs[port].kind;
-    if !kind.feeds(&tap.kind()) {
+    if let Some(taken) = tap.kind().filter(|taken| !kind.feeds(taken)) {
         let message = format!(
             "`{name}` is a {} of {}; this tap takes a {} of {}",
             kind.word(),
             kind.name(),
-            tap.kind().word(),
-            tap.kind().name()
+            taken.word(),
+            taken.name()
         );
         return Err(Diagnostic::general("F083", message));
     }
@@ -95,7 +104,10 @@ pub fn check_memory(graph: &Graph, name: &str, tap: &Arc<dyn MemoryTap>) -> Resu
 }
 
 /// Finds the output that `NODE.PORT`, or `NODE` with one output, names.
-fn find(graph: &Graph, name: &str) -> Result<(usize, usize), Diagnostic> {
+///
+/// # Errors
+/// An unknown node or port, or a node with no output or with several.
+pub fn find(graph: &Graph, name: &str) -> Result<(usize, usize), Diagnostic> {
     let port_of = |(id, port): (&str, &str)| {
         let node = graph.find(id)?;
         Some((node, graph.nodes[node].ty.outputs.iter().position(|p| p.name == port)?))
@@ -107,15 +119,31 @@ fn find(graph: &Graph, name: &str) -> Result<(usize, usize), Diagnostic> {
     if let Some(found) = found {
         return Ok(found);
     }
+    if let Some(node) = graph.find(name).map(|n| &graph.nodes[n]) {
+        let ports = |links: Vec<String>| links.join(" or ");
+        let outputs = node.ty.outputs.iter().map(|port| format!("`{name}.{}`", port.name)).collect();
+        let output = |l: &Link| {
+            format!("`{}.{}`", graph.nodes[l.node].id, graph.nodes[l.node].ty.outputs[l.port].name)
+        };
+        let inputs = node.links.iter().flatten().map(output).collect();
+        let error = |message: String| Diagnostic::general("F083", message);
+        return Err(match node.ty.outputs.len() {
+            0 => error(format!("`{name}` has no output")).help(format!("it reads {}", ports(inputs))),
+            _ => error(format!("`{name}` has several outputs")).help(format!("write {}", ports(outputs))),
+        });
+    }
     let outputs =
         graph.nodes.iter().flat_map(|n| n.ty.outputs.iter().map(|p| format!("{}.{}", n.id, p.name)));
     let all: Vec<String> = outputs.collect();
-    let error = Diagnostic::general("F083", format!("--tap: there is no output `{name}`"));
+    let error = Diagnostic::general("F083", format!("there is no output `{name}`"));
     let id = name.split_once('.').map_or(name, |(id, _)| id);
     let fitting = all.iter().find(|output| output.starts_with(&format!("{id}.")));
     let near = fitting.map(String::as_str).or_else(|| nearest(name, all.iter().map(String::as_str)));
+    // A node may be named without its port.
+    let ids = graph.nodes.iter().filter(|node| !node.ty.outputs.is_empty()).map(|node| node.id.as_str());
+    let near = near.or_else(|| nearest(id, ids));
     Err(match near {
         Some(near) => error.help(format!("did you mean `{near}`?")),
-        None => error.help(format!("outputs: {}", all.join(", "))),
+        None => error.help(suggestion(name, "outputs", all.iter().map(String::as_str))),
     })
 }

@@ -1,6 +1,8 @@
 //! Writes taps to files: streams and events by nodes that run along, values when the run has ended.
 
 use super::chart_writer::ChartWriter;
+use super::columns::Columns;
+use super::stream_chart::StreamChart;
 use super::{Job, TapTarget, Values};
 use crate::diag::Diagnostic;
 use foley_nodes::archive_state;
@@ -22,15 +24,16 @@ use std::io::{self, BufWriter, SeekFrom, Write};
 /// When the file cannot be written.
 pub fn writer(job: &Job<'_>, k: usize) -> Result<Box<dyn DynNode>, Diagnostic> {
     let tap = &job.taps[k];
+    let kind = job.graph.nodes[tap.node].ty.outputs[tap.port].kind;
     let general = |code, message: String| Diagnostic::general(code, message);
     let shape = job.plan.shapes[tap.node].outputs[tap.port].as_ref();
     let path = match &tap.target {
         TapTarget::File(path) => path,
-        TapTarget::Memory(tap) => return Ok(tap.start(shape)),
+        TapTarget::Memory(tap) | TapTarget::Observer(tap) => return Ok(tap.start(kind, shape)),
     };
     let file = job.outputs.create_at(path).map_err(|e| general(e.code, e.message))?;
     let csv = path.extension().is_some_and(|e| e == "csv");
-    match (job.graph.nodes[tap.node].ty.outputs[tap.port].kind, shape) {
+    match (kind, shape) {
         (PortKind::Stream(item), Some(stream))
             if item.wave && path.extension().is_some_and(|e| e == "wav") =>
         {
@@ -42,8 +45,8 @@ pub fn writer(job: &Job<'_>, k: usize) -> Result<Box<dyn DynNode>, Diagnostic> {
         (PortKind::Stream(item), Some(stream)) if path.extension().is_some_and(|e| e == "svg") => {
             let node = &job.graph.nodes[tap.node];
             let title = format!("{}.{}", node.id, node.ty.outputs[tap.port].name);
-            let names = column_names(item, stream.width);
-            Ok(Box::new(ChartWriter::new(file, item, names, stream.rate, title)))
+            let chart = StreamChart::new(title, stream.rate, Columns::each(item, stream.width));
+            Ok(Box::new(ChartWriter::new(file, item, chart)))
         }
         (PortKind::Stream(item), Some(stream)) if csv => {
             let writer = CsvWriter::start(file, item, stream.width, stream.rate);
@@ -69,7 +72,7 @@ pub fn write_values(job: &Job<'_>, values: &Values) -> Result<(), Vec<Diagnostic
         let Some(value) = values.get(&(tap.node, tap.port)) else { continue };
         let path = match &tap.target {
             TapTarget::File(path) => path,
-            TapTarget::Memory(tap) => {
+            TapTarget::Memory(tap) | TapTarget::Observer(tap) => {
                 tap.set(value);
                 continue;
             }
@@ -108,16 +111,6 @@ macro_rules! as_any {
             self
         }
     };
-}
-
-/// Names of the numbers of an item: channel, column, or both.
-fn column_names(item: &ItemType, width: usize) -> Vec<String> {
-    let name = |k: usize, column: &str| match (column, width) {
-        ("", _) => format!("{k}"),
-        (_, 1) => column.to_owned(),
-        _ => format!("{k}.{column}"),
-    };
-    (0..width).flat_map(|k| item.columns.iter().map(move |column| name(k, column))).collect()
 }
 
 /// Writes audio as 32-bit float WAV.
@@ -226,7 +219,7 @@ impl CsvWriter {
         width: usize,
         rate: Rate,
     ) -> io::Result<Self> {
-        writeln!(file, "time,{}", column_names(item, width).join(","))?;
+        writeln!(file, "time,{}", Columns::each(item, width).names().join(","))?;
         Ok(Self { file, item, width: width * item.columns.len(), rate, numbers: Vec::new() })
     }
 

@@ -84,6 +84,8 @@ pub struct Session {
     until: Option<Tick>,
     taps: Vec<String>,
     memory_taps: Vec<(String, Arc<dyn MemoryTap>)>,
+    /// Ids of the nodes that write, of which the run is made besides the taps; `None` for the whole graph.
+    only: Option<Vec<String>>,
     quiet: bool,
     memo: Option<Arc<Memo>>,
     progress: Arc<Progress>,
@@ -100,6 +102,7 @@ impl Session {
             until: None,
             taps: Vec::new(),
             memory_taps: Vec::new(),
+            only: None,
             quiet: false,
             memo: None,
             progress: Arc::default(),
@@ -179,6 +182,13 @@ impl Session {
     /// [`Session::prepare`].
     pub fn tap(&mut self, output: impl Into<String>, tap: &Arc<impl MemoryTap + 'static>) {
         self.memory_taps.push((output.into(), Arc::clone(tap) as _));
+    }
+
+    /// Runs nothing but what the taps and the nodes `ends` need: other files of the graph are not written.
+    #[must_use]
+    pub fn with_only(mut self, ends: impl IntoIterator<Item = impl Into<String>>) -> Self {
+        self.only = Some(ends.into_iter().map(Into::into).collect());
+        self
     }
 
     /// Omits warnings.
@@ -262,9 +272,11 @@ impl Session {
     pub fn prepare(&self) -> Preparation {
         let (loaded, files) = self.load();
         let mut diagnostics = loaded.diagnostics;
+        // Of a part, nodes that nothing uses are left out anyway.
+        diagnostics.retain(|d| self.only.is_none() || d.code != "F026");
         let mut prepared = None;
         let mut asked = files.asked();
-        if let Some(graph) = loaded.graph {
+        if let Some(mut graph) = loaded.graph {
             let (mut taps, mut errors) = (Vec::new(), Vec::new());
             let to_files = self.taps.iter().map(|text| check_tap(&graph, text));
             let memory = self.memory_taps.iter().map(|(output, tap)| check_memory_tap(&graph, output, tap));
@@ -273,6 +285,12 @@ impl Session {
                     Ok(tap) => taps.push(tap),
                     Err(e) => errors.push(e),
                 }
+            }
+            if let Some(ends) = &self.only {
+                let ends = ends.iter().filter_map(|id| graph.find(id)).chain(taps.iter().map(|tap| tap.node));
+                let (part, places) = graph.part(&ends.collect::<Vec<_>>());
+                graph = part;
+                taps.iter_mut().for_each(|tap| tap.node = places[tap.node].unwrap_or(tap.node));
             }
             let cores = || std::thread::available_parallelism().map_or(1, usize::from);
             let threads = self.threads.unwrap_or_else(cores);

@@ -8,6 +8,7 @@ mod messages;
 #[cfg(unix)]
 mod named_files;
 mod new_projects;
+mod probe;
 mod refused;
 mod silence;
 mod times;

@@ -20,6 +20,11 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+pub(super) fn parse_time(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "a number of seconds".to_owned())?;
+    if (0.0..=1e7).contains(&seconds) { Ok(seconds) } else { Err("from 0 to 10000000 seconds".into()) }
+}
+
 pub(super) fn parse_pause(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "a number of seconds".to_owned())?;
     let known = seconds == 0.0 || (1e-3..=1e7).contains(&seconds);
