@@ -45,7 +45,8 @@ pub(super) fn stop_on_signals(progress: &Arc<Progress>) {
 /// When the report cannot be written, which is checked before the run; only a full disk is found later.
 pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let mut memo = args.memo.memo(&args.graph.graph);
-    if args.checkpoint > 0.0 {
+    // A trace has no state to save.
+    if args.checkpoint > 0.0 && !args.trace_silence {
         memo = memo.map(|memo| memo.with_checkpoints(&args.out, Duration::from_secs_f64(args.checkpoint)));
     }
     let session = args.session(registry).with_memo(memo.map(Arc::new));
@@ -95,6 +96,9 @@ pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyho
     }
     if !args.quiet {
         print_report(report, ready)?;
+    }
+    if let Some(trace) = &report.trace {
+        write!(console::stdout(), "{}", trace.text())?;
     }
     if let Some(path) = &args.report {
         write_whole(path, &format!("{:#}\n", report.json()))?;

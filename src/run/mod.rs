@@ -22,6 +22,7 @@ mod stream_chart;
 mod tap;
 mod tap_writers;
 mod targets;
+mod trace;
 mod values;
 
 pub use crate::memo::Values;
@@ -38,6 +39,7 @@ pub use stages::{BuildSite, assemble, stage};
 pub use stream_chart::StreamChart;
 pub use tap::{Tap, TapTarget, check as check_tap, check_memory as check_memory_tap, find as find_output};
 pub use targets::{check as check_targets, check_given};
+pub use trace::{Extent, Loss, OutputLevel, PortLevel, SilenceTrace, Step, Trace, TracedOutput};
 
 use crate::diag::Diagnostic;
 use crate::memo::{Memo, RunCache};

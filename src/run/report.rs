@@ -1,6 +1,7 @@
 //! The report of a run.
 
 use super::Job;
+use super::trace::SilenceTrace;
 use crate::graph::Graph;
 use crate::plan::Plan;
 use foley_nodes::core::node::Summary;
@@ -66,6 +67,8 @@ pub struct Report {
     pub outputs: Vec<OutputReport>,
     /// Warnings, with the ids of their nodes.
     pub notes: Vec<(String, String)>,
+    /// Where the sound is lost, if the run traced it.
+    pub trace: Option<SilenceTrace>,
 }
 
 impl Report {
@@ -190,7 +193,7 @@ impl Report {
                 Value::Object(facts)
             })
             .collect();
-        json!({
+        let mut all = json!({
             "title": self.title,
             "wall_seconds": self.wall.as_secs_f64(),
             "cpu_seconds": self.cpu.map(|c| c.as_secs_f64()),
@@ -202,7 +205,11 @@ impl Report {
             "nodes": nodes,
             "outputs": outputs,
             "warnings": self.warnings().map(|(id, note)| json!({"node": id, "message": note})).collect::<Vec<_>>(),
-        })
+        });
+        if let (Some(fields), Some(trace)) = (all.as_object_mut(), &self.trace) {
+            fields.insert("silence".to_owned(), json!(trace.outputs));
+        }
+        all
     }
 }
 

@@ -11,7 +11,10 @@ const FACTORS: [&str; 8] =
     ["gain", "gains", "kappa", "level", "amplitude", "impacts", "impulse", "full_scale"];
 
 /// An output port: its node and its number.
-type Output = (usize, usize);
+pub type Output = (usize, usize);
+
+/// True for an output that carries something in the time that is explained; `None` if that is not known.
+pub type Activity<'a> = &'a dyn Fn(Output) -> Option<bool>;
 
 /// The output that a link comes from.
 fn output(link: &Link) -> Output {
@@ -25,6 +28,8 @@ pub enum Period {
     Run,
     /// A second of a graph that plays: a source that has a pause, or a node without messages, needs no explanation.
     Second,
+    /// A stretch of a run: what a node says of its silence holds for a whole run, and explains nothing.
+    Stretch,
 }
 
 /// Returns true if something that is sent while a graph plays can reach a node.
@@ -46,8 +51,9 @@ struct Search<'a> {
     graph: &'a Graph,
     reports: &'a [NodeReport],
     period: Period,
+    activity: Activity<'a>,
     visited: BTreeSet<usize>,
-    notes: Vec<(usize, String)>,
+    notes: Vec<(usize, Lost, String)>,
 }
 
 /// Returns notes, each of a node and a text: why files, taps (`tapped`, by node and port) and, in a whole run, parts of mixes are silent.
@@ -59,7 +65,13 @@ pub fn explain(
     tapped: &[Output],
     period: Period,
 ) -> Vec<(String, String)> {
-    let mut search = Search { graph, reports, period, visited: BTreeSet::new(), notes: Vec::new() };
+    // Not known of a node in place of which a cached stream was read.
+    let activity = |(node, port): Output| {
+        Some(reports[node].activity? != 0).map(|any| {
+            any && (port >= 64 || reports[node].activity.is_some_and(|active| active & (1 << port) != 0))
+        })
+    };
+    let mut search = Search::new(graph, reports, period, &activity);
     for (n, node) in graph.nodes.iter().enumerate() {
         let sink = node.ty.outputs.is_empty();
         for (spec, links) in node.ty.inputs.iter().zip(&node.links) {
@@ -75,31 +87,66 @@ pub fn explain(
     }
     tapped.iter().for_each(|tap| search.follow(*tap, true));
     let id = |n: usize| graph.nodes[n].id.clone();
-    search.notes.into_iter().map(|(n, text)| (id(n), text)).collect()
+    let what = if period == Period::Run { "silent throughout: " } else { "silent: " };
+    let text = |(_, lost, text)| if lost == Lost::Node { format!("{what}{text}") } else { text };
+    search.notes.into_iter().map(|note| (id(note.0), text(note))).collect()
+}
+
+/// Finds the nodes at which a silent output is lost, each with a reason: the first ones upstream of it that give nothing although something
+/// arrives, or that nothing feeds; `whole` if all of what is written depends on the output.
+pub fn losses(
+    (graph, reports): (&Graph, &[NodeReport]),
+    output: Output,
+    whole: bool,
+    period: Period,
+    activity: Activity<'_>,
+) -> Vec<(usize, String)> {
+    let mut search = Search::new(graph, reports, period, activity);
+    search.follow(output, whole);
+    search.notes.into_iter().map(|(n, _, text)| (n, text)).collect()
+}
+
+/// What is silent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lost {
+    /// A node with all its outputs.
+    Node,
+    /// One of several outputs.
+    Port,
 }
 
 /// True for streams and events.
-fn flows(spec: &PortSpec) -> bool {
+pub fn flows(spec: &PortSpec) -> bool {
     matches!(spec.kind, PortKind::Stream(_) | PortKind::Events(_))
 }
 
 /// True for an input of any number of streams.
-fn is_mix(spec: &PortSpec) -> bool {
+pub fn is_mix(spec: &PortSpec) -> bool {
     matches!(spec.kind, PortKind::Stream(_)) && matches!(spec.arity, Arity::Many)
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(graph: &'a Graph, reports: &'a [NodeReport], period: Period, activity: Activity<'a>) -> Self {
+        Self { graph, reports, period, activity, visited: BTreeSet::new(), notes: Vec::new() }
+    }
+
     /// What a node says about its silence.
     fn reason(&self, n: usize) -> Option<&str> {
+        if self.period == Period::Stretch {
+            return None;
+        }
         self.reports[n].summary.get("silent")?.as_str()
     }
 
     /// Returns true if an output has carried something; None if it is not known, since a cached stream replaced its node.
-    fn is_active(&self, (node, port): Output) -> Option<bool> {
-        match self.reports[node].activity {
-            Some(active) => Some(port >= 64 || active & (1 << port) != 0),
-            None => self.reason(node).map(|_| false),
-        }
+    fn is_active(&self, output: Output) -> Option<bool> {
+        (self.activity)(output).or_else(|| self.reason(output.0).map(|_| false))
+    }
+
+    /// Returns true if no output of a node has carried anything.
+    fn gave_nothing(&self, node: usize) -> bool {
+        let ports = 0..self.graph.nodes[node].ty.outputs.len();
+        !ports.into_iter().any(|port| self.is_active((node, port)) == Some(true))
     }
 
     /// Explains an output if nothing came from it; `whole` if all of an output depends on it.
@@ -108,17 +155,18 @@ impl Search<'_> {
         if !flows(spec) || self.is_active((node, port)) != Some(false) {
             return;
         }
-        if self.reports[node].activity.unwrap_or(0) == 0 {
+        if self.gave_nothing(node) {
             self.explain(node, whole);
         } else if whole && self.visited.insert(node) {
             let text = format!("nothing comes from `{}`, while other outputs are in use", spec.name);
-            self.notes.push((node, text));
+            self.notes.push((node, Lost::Port, text));
         }
     }
 
     /// Explains a node that gave nothing; `whole` as in [`follow`](Self::follow).
     fn explain(&mut self, n: usize, whole: bool) {
-        let is_off = self.reports[n].summary.get("off").and_then(Value::as_bool).unwrap_or(false);
+        let is_off = self.reports[n].summary.get("off").and_then(Value::as_bool).unwrap_or(false)
+            && self.period != Period::Stretch;
         if is_off && !whole || !self.visited.insert(n) {
             return;
         }
@@ -131,17 +179,17 @@ impl Search<'_> {
         let (silent, heard): (Vec<_>, Vec<_>) = links.into_iter().partition(|(_, link)| quiet(*link));
         let zeros = node.ty.zeros(&*node.params);
         let zero = zeros.into_iter().find(|name| FACTORS.contains(name));
-        let zero = zero.filter(|_| !heard.is_empty() || silent.is_empty());
+        let zero =
+            zero.filter(|_| self.period != Period::Stretch && (!heard.is_empty() || silent.is_empty()));
         let reason = match self.reason(n) {
             Some(reason) => Some(reason.to_owned()),
             None if is_off => Some("a linked strength is 0".to_owned()),
             None => zero.map(|name| format!("`{name}` is 0")),
         };
-        let unexplained = silent.is_empty() && (self.period == Period::Run || !heard.is_empty());
+        let unexplained = silent.is_empty() && (self.period != Period::Second || !heard.is_empty());
         if reason.is_some() || unexplained {
             let text = reason.unwrap_or_else(|| self.generic(n, &heard));
-            let what = if self.period == Period::Run { "silent throughout" } else { "silent" };
-            self.notes.push((n, format!("{what}: {text}")));
+            self.notes.push((n, Lost::Node, text));
         }
         for (_, link) in silent {
             if self.reason(link.0).is_some() {
@@ -165,6 +213,9 @@ impl Search<'_> {
             [] => "it gives nothing".to_owned(),
             names => format!("nothing comes of what arrives at `{}`", names.join("`, `")),
         };
+        if self.period == Period::Stretch {
+            return if names.is_empty() { "it gives nothing in this time".to_owned() } else { read };
+        }
         let figures = self.reports[n].summary.iter().filter(|(_, value)| value.is_number());
         let figures: Vec<String> = figures.map(|(key, value)| format!("{key} {value}")).collect();
         if figures.is_empty() { read } else { format!("{read} ({})", figures.join(", ")) }

@@ -15,7 +15,7 @@ use crate::graph::{DirFiles, LoadOptions, Loaded, Override, Texts, load, load_te
 use crate::live::{Callback, LiveGraph, Options, Player};
 use crate::memo::Memo;
 use crate::plan::{Plan, PlanOptions, sound_shapes};
-use crate::run::{MemoryTap, Progress, Report, check_memory_tap, check_tap};
+use crate::run::{MemoryTap, Progress, Report, Trace, check_memory_tap, check_tap};
 use foley_nodes::core::files::MemoryOutputs;
 use foley_nodes::core::input::Inputs;
 use foley_nodes::core::shape::NodeShape;
@@ -86,6 +86,8 @@ pub struct Session {
     memory_taps: Vec<(String, Arc<dyn MemoryTap>)>,
     /// Ids of the nodes that write, of which the run is made besides the taps; `None` for the whole graph.
     only: Option<Vec<String>>,
+    /// True to trace where the sound is lost.
+    trace: bool,
     quiet: bool,
     memo: Option<Arc<Memo>>,
     progress: Arc<Progress>,
@@ -103,6 +105,7 @@ impl Session {
             taps: Vec::new(),
             memory_taps: Vec::new(),
             only: None,
+            trace: false,
             quiet: false,
             memo: None,
             progress: Arc::default(),
@@ -188,6 +191,13 @@ impl Session {
     #[must_use]
     pub fn with_only(mut self, ends: impl IntoIterator<Item = impl Into<String>>) -> Self {
         self.only = Some(ends.into_iter().map(Into::into).collect());
+        self
+    }
+
+    /// Traces where the sound is lost: see [`Report::trace`].
+    #[must_use]
+    pub fn with_trace(mut self, trace: bool) -> Self {
+        self.trace = trace;
         self
     }
 
@@ -292,6 +302,7 @@ impl Session {
                 graph = part;
                 taps.iter_mut().for_each(|tap| tap.node = places[tap.node].unwrap_or(tap.node));
             }
+            let trace = self.trace.then(|| Trace::new(&graph, &taps));
             let cores = || std::thread::available_parallelism().map_or(1, usize::from);
             let threads = self.threads.unwrap_or_else(cores);
             let options = PlanOptions {
@@ -300,8 +311,10 @@ impl Session {
                 until: self.until,
                 memory: files.limits().memory,
                 taps: taps.iter().map(|tap| (tap.node, tap.port)).collect(),
+                observed: trace.iter().flat_map(Trace::outputs).collect(),
                 ..PlanOptions::default()
             };
+            taps.extend(trace.iter().flat_map(Trace::taps));
             let plan = Plan::new(&graph, &files, &options);
             // The plan opens files as well, those that are missing among them.
             asked = files.asked();
@@ -309,7 +322,8 @@ impl Session {
                 Ok(plan) if errors.is_empty() => {
                     let seed = self.seed.unwrap_or(graph.seed);
                     let (memo, progress) = (self.memo.clone(), Arc::clone(&self.progress));
-                    prepared = Some(Prepared { graph, files, plan, taps, threads, seed, memo, progress });
+                    prepared =
+                        Some(Prepared { graph, files, plan, taps, trace, threads, seed, memo, progress });
                 }
                 Ok(_) => {}
                 Err(e) => errors.extend(e),

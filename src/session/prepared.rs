@@ -5,7 +5,7 @@ use crate::diag::{Diagnostic, Sources, any_error};
 use crate::graph::{Asked, DirFiles, Graph};
 use crate::memo::Memo;
 use crate::plan::Plan;
-use crate::run::{self, DirOutputs, Job, Progress, Report, Tap, check_targets};
+use crate::run::{self, DirOutputs, Job, Progress, Report, Tap, Trace, check_targets};
 use foley_nodes::core::files::MemoryOutputs;
 use std::path::Path;
 use std::sync::Arc;
@@ -20,6 +20,8 @@ pub struct Prepared {
     pub plan: Plan,
     /// Outputs to write to files.
     pub taps: Vec<Tap>,
+    /// What observes the outputs, if it is traced where the sound is lost.
+    pub trace: Option<Trace>,
     /// Number of threads that compute.
     pub threads: usize,
     /// Seed.
@@ -69,7 +71,7 @@ impl Prepared {
     /// # Errors
     /// As [`Prepared::render`].
     pub fn run(&self, outputs: &DirOutputs) -> Result<Report, Vec<Diagnostic>> {
-        run::run(&Job {
+        let mut report = run::run(&Job {
             graph: &self.graph,
             plan: &self.plan,
             files: &self.files,
@@ -79,7 +81,9 @@ impl Prepared {
             seed: self.seed,
             memo: self.memo.as_deref(),
             progress: Arc::clone(&self.progress),
-        })
+        })?;
+        report.trace = self.trace.as_ref().map(|trace| trace.read(&self.graph, &report.nodes));
+        Ok(report)
     }
 }
 

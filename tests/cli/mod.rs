@@ -13,5 +13,6 @@ mod refused;
 mod silence;
 mod times;
 mod tools;
+mod trace;
 #[cfg(unix)]
 mod watch;

@@ -233,6 +233,10 @@ pub struct RunArgs {
     /// Write a checkpoint at this interval, from which the same command resumes; 0 writes none
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 60.0, value_parser = parse_pause)]
     pub checkpoint: f64,
+    /// Print where each file and tap loses its sound: levels from the sources on, and the first node whose output is silent although
+    /// its inputs are not; writes no checkpoints
+    #[arg(long)]
+    pub trace_silence: bool,
     /// Print errors only
     #[arg(long, short)]
     pub quiet: bool,
@@ -242,7 +246,7 @@ impl RunArgs {
     /// A session with these settings, without a cache.
     #[must_use]
     pub fn session(&self, registry: &Arc<Registry>) -> Session {
-        self.engine.apply(self.graph.session(registry)).with_quiet(self.quiet)
+        self.engine.apply(self.graph.session(registry)).with_quiet(self.quiet).with_trace(self.trace_silence)
     }
 }
 
