@@ -88,7 +88,7 @@ fn examples(root: &Path) -> Vec<PathBuf> {
     let mut graphs: Vec<_> = folders
         .filter(|f| !f.ends_with("assets") && !f.ends_with("lib"))
         .flat_map(|f| std::fs::read_dir(f).into_iter().flatten().flatten().map(|e| e.path()))
-        .filter(|p| p.extension().is_some_and(|e| e == "ron"))
+        .filter(|p| p.extension().is_some_and(|e| e == "ron") && !p.to_string_lossy().ends_with(".test.ron"))
         .collect();
     graphs.sort();
     graphs

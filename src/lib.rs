@@ -46,6 +46,7 @@ pub mod plan;
 pub mod probe;
 pub mod run;
 pub mod session;
+pub mod testing;
 #[doc(hidden)]
 pub mod watch;
 

@@ -17,6 +17,7 @@ mod probe;
 mod progress;
 mod run;
 mod schema;
+mod test;
 mod text;
 mod watch;
 
@@ -104,6 +105,7 @@ pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     match args.command {
         Command::Run(args) => run::run(&args, registry),
         Command::Probe(args) => probe::probe(&args, registry),
+        Command::Test(args) => test::test(&args, registry),
         Command::Watch(args) if args.live => live::watch(&args, registry),
         Command::Watch(args) => watch::watch(&args, registry),
         Command::Live(args) => live::live(&args, registry),

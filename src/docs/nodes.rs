@@ -27,7 +27,7 @@ pub fn examples(root: &Path) -> io::Result<Examples> {
             let path = format!("{folder}/{name}");
             if entry.path().is_dir() {
                 folders.push(path);
-            } else if name.ends_with(".ron") {
+            } else if name.ends_with(".ron") && !name.ends_with(".test.ron") {
                 for ty in types_in(&fs::read_to_string(entry.path())?) {
                     all.entry(ty).or_default().insert(path.clone());
                 }

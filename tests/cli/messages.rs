@@ -155,6 +155,18 @@ fn f083_a_tap_of_what_is_not_there() {
 }
 
 #[test]
+fn f086_mistakes_in_a_test_file() {
+    let folder = folder(SHORT);
+    let checks = "[Peak(dB: -1.0), Silence, Events(within: 0.1)]";
+    let test = format!(
+        "#![schema = \"foley:test/1\"]\nTest(cases: {{ \"a\": Case(outputs: {{ \"tone\": {checks} }}) }})\n"
+    );
+    fs::write(folder.path().join("main.test.ron"), test).unwrap();
+    let reported = foley(folder.path(), &["test", "main.ron"]).output().unwrap();
+    case("F086", 2, &reported, folder.path(), &[]);
+}
+
+#[test]
 fn f085_an_output_over_an_input() {
     let folder = folder(
         "#![schema = \"foley:graph/1\"]\nGraph(nodes: {

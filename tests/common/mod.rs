@@ -44,7 +44,9 @@ pub fn all_graphs() -> Vec<PathBuf> {
             let path = entry.unwrap().path();
             if path.is_dir() && !path.ends_with("assets") && !path.ends_with("materials") {
                 folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "ron") {
+            } else if path.extension().is_some_and(|e| e == "ron")
+                && !path.to_string_lossy().ends_with(".test.ron")
+            {
                 found.push(path);
             }
         }

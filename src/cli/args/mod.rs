@@ -37,6 +37,11 @@ pub enum Command {
         after_help = "Examples:\n  foley probe piece.ron mix\n  foley probe piece.ron contacts.impacts --first 20\n  foley probe piece.ron wind --from 1 --to 2 --svg wind.svg"
     )]
     Probe(ProbeArgs),
+    /// Run the checks that are written beside graphs: those of piece.ron are in piece.test.ron
+    #[command(
+        after_help = "Examples:\n  foley test piece.ron\n  foley test graphs --filter Peak\n  foley test piece.ron --write"
+    )]
+    Test(TestArgs),
     /// Run a graph again after each save of it or of a file that it reads, or keep it playing with --live
     #[command(after_help = "Examples:\n  foley watch piece.ron\n  foley watch piece.ron --live")]
     Watch(WatchArgs),
@@ -294,6 +299,45 @@ impl ProbeArgs {
     pub fn session(&self, registry: &Arc<Registry>) -> Session {
         let session = self.graph.session(registry).with_quiet(self.quiet || self.json);
         session.with_threads(self.threads).with_until(self.until)
+    }
+}
+
+/// Arguments of `foley test`.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct TestArgs {
+    /// Graphs with a test file beside them, test files, or folders, below which all test files are run
+    #[arg(required = true, value_name = "GRAPH")]
+    pub graphs: Vec<PathBuf>,
+    /// Run only checks with this in their names, as --list prints them
+    #[arg(long, value_name = "WORD")]
+    pub filter: Option<String>,
+    /// List the checks, and run nothing
+    #[arg(long, conflicts_with = "write")]
+    pub list: bool,
+    /// Store what the checks `Stored` compare with; nothing else writes a file
+    #[arg(long)]
+    pub write: bool,
+    /// Let the graphs read below this folder too
+    #[arg(long, value_name = "DIR")]
+    pub allow_read: Vec<PathBuf>,
+    /// Threads that compute [default: all cores]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
+    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub limits: LimitArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Print what failed, and the summary
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+impl TestArgs {
+    /// How the graphs are loaded.
+    #[must_use]
+    pub fn load_options(&self, registry: &Arc<Registry>) -> LoadOptions {
+        load_options(registry, &[], &self.allow_read, &self.limits)
     }
 }
 
