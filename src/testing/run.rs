@@ -10,6 +10,7 @@ use crate::lang::Span;
 use crate::run::{ObserverTap, find_output};
 use crate::session::{Errors, Session};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -206,9 +207,9 @@ pub fn run(
     let mut seeded = BTreeMap::new();
     for seed in checks.iter().flat_map(|(_, check)| check.numbers("seeds").unwrap_or_default()) {
         let seed = *seed as u64;
-        if !seeded.contains_key(&seed) {
+        if let Entry::Vacant(place) = seeded.entry(seed) {
             let variant = Variant { seed: Some(seed), ..Variant::default() };
-            seeded.insert(seed, runner.record(file, case, &outputs, variant)?);
+            place.insert(runner.record(file, case, &outputs, variant)?);
         }
     }
     let folder = file.path.parent().map(Path::to_owned).unwrap_or_default();

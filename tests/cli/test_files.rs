@@ -78,7 +78,7 @@ fn each_check_has_a_line_with_what_was_found_and_nothing_is_written() {
     assert_eq!(tested.status.code(), Some(0), "{shown}");
     assert!(shown.contains("ok      g.ron: as it is: beat: Events: 4 events at 0.000, 0.250"), "{shown}");
     assert!(shown.contains("ok      g.ron: softer: o.wav: Peak 0.1..0.2 s: -"), "{shown}");
-    assert!(shown.ends_with("10 passed, 0 failed in 2 case(s) of 1 file(s)\n"), "{shown}");
+    assert!(shown.ends_with("11 passed, 0 failed in 2 case(s) of 1 file(s)\n"), "{shown}");
     assert_eq!(files(dir.path()), before);
 }
 

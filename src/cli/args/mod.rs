@@ -1,6 +1,11 @@
 //! Arguments of the command.
 
 mod parse;
+mod probe;
+mod test;
+
+pub use probe::ProbeArgs;
+pub use test::TestArgs;
 
 use crate::graph::{Limits, LoadOptions, Override};
 use crate::memo::{Memo, default_dir};
@@ -9,9 +14,7 @@ use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use foley_nodes::feature::UnitLength;
 use foley_nodes::registry::Registry;
-use parse::{
-    parse_pause, parse_port, parse_quantum, parse_seconds, parse_set, parse_size, parse_threads, parse_time,
-};
+use parse::{parse_pause, parse_port, parse_quantum, parse_seconds, parse_set, parse_size, parse_threads};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -252,92 +255,6 @@ impl RunArgs {
     #[must_use]
     pub fn session(&self, registry: &Arc<Registry>) -> Session {
         self.engine.apply(self.graph.session(registry)).with_quiet(self.quiet).with_trace(self.trace_silence)
-    }
-}
-
-/// Arguments of `foley probe`.
-#[derive(Clone, Debug, ClapArgs)]
-pub struct ProbeArgs {
-    /// The graph.
-    #[command(flatten)]
-    pub graph: GraphArgs,
-    /// The output; the port may be left out where the node has one
-    #[arg(value_name = "NODE[.PORT]")]
-    pub output: String,
-    /// Threads that compute [default: all cores]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
-    pub threads: Option<usize>,
-    /// Stop here at the latest; needed for outputs without end
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
-    pub until: Option<f64>,
-    /// The cache.
-    #[command(flatten)]
-    pub memo: MemoArgs,
-    /// Measure from this time on
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.0, value_parser = parse_time)]
-    pub from: f64,
-    /// Measure up to this time [default: the end]
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_time)]
-    pub to: Option<f64>,
-    /// Number of items that are shown, and of the items of each list
-    #[arg(long, value_name = "N", default_value_t = 5)]
-    pub first: usize,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-    /// Draw it into this file
-    #[arg(long, value_name = "FILE")]
-    pub svg: Option<PathBuf>,
-    /// Print errors and the figures only
-    #[arg(long, short)]
-    pub quiet: bool,
-}
-
-impl ProbeArgs {
-    /// A session with these settings, without the cache.
-    #[must_use]
-    pub fn session(&self, registry: &Arc<Registry>) -> Session {
-        let session = self.graph.session(registry).with_quiet(self.quiet || self.json);
-        session.with_threads(self.threads).with_until(self.until)
-    }
-}
-
-/// Arguments of `foley test`.
-#[derive(Clone, Debug, ClapArgs)]
-pub struct TestArgs {
-    /// Graphs with a test file beside them, test files, or folders, below which all test files are run
-    #[arg(required = true, value_name = "GRAPH")]
-    pub graphs: Vec<PathBuf>,
-    /// Run only checks with this in their names, as --list prints them
-    #[arg(long, value_name = "WORD")]
-    pub filter: Option<String>,
-    /// List the checks, and run nothing
-    #[arg(long, conflicts_with = "write")]
-    pub list: bool,
-    /// Store what the checks `Stored` compare with; nothing else writes a file
-    #[arg(long)]
-    pub write: bool,
-    /// Let the graphs read below this folder too
-    #[arg(long, value_name = "DIR")]
-    pub allow_read: Vec<PathBuf>,
-    /// Threads that compute [default: all cores]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
-    pub threads: Option<usize>,
-    #[command(flatten)]
-    pub limits: LimitArgs,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-    /// Print what failed, and the summary
-    #[arg(long, short)]
-    pub quiet: bool,
-}
-
-impl TestArgs {
-    /// How the graphs are loaded.
-    #[must_use]
-    pub fn load_options(&self, registry: &Arc<Registry>) -> LoadOptions {
-        load_options(registry, &[], &self.allow_read, &self.limits)
     }
 }
 

@@ -1,5 +1,7 @@
 //! Traces silence: what each output on the way to a file or a tap carried, and where the sound is lost.
 
+mod text;
+
 use super::envelope::Envelope;
 use super::observer::{Observer, ObserverTap};
 use super::report::NodeReport;
@@ -13,7 +15,6 @@ use foley_nodes::dsp::linear_to_db;
 use serde::Serialize;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::sync::Arc;
 
 /// Shortest stretch of silence that is traced, s.
@@ -22,8 +23,6 @@ const STRETCH: f64 = 0.5;
 const MAX_STRETCHES: usize = 4;
 /// What is left out at both ends of a stretch, in which an input may still or already be active, s.
 const MARGIN: f64 = 0.1;
-/// Largest number of nodes that are listed in text.
-const MAX_STEPS: usize = 40;
 
 /// Observes the outputs of all nodes from which streams or events lead to files and taps.
 #[derive(Debug)]
@@ -364,135 +363,5 @@ impl Reading<'_> {
             losses,
             path: order.chain(sink).map(step).collect(),
         }
-    }
-}
-
-impl OutputLevel {
-    /// In a few words.
-    #[must_use]
-    pub fn text(&self) -> String {
-        match (self.events, self.peak_db) {
-            (Some(1), _) => "1 event".to_owned(),
-            (Some(count), _) => format!("{count} events"),
-            (None, Some(peak)) => format!("{peak:.1} dB"),
-            (None, None) if self.active => "active".to_owned(),
-            (None, None) => "silent".to_owned(),
-        }
-    }
-}
-
-impl PortLevel {
-    /// The id of the node that an input reads.
-    fn source(&self) -> Option<&str> {
-        Some(self.from.as_deref()?.rsplit_once('.')?.0)
-    }
-}
-
-impl Loss {
-    fn text(&self) -> String {
-        let what = match (self.extent, self.time) {
-            (Extent::Throughout, _) => "silent throughout".to_owned(),
-            (Extent::Part, _) => format!("`{}` is silent in it", self.silent),
-            (Extent::Stretch, Some([from, to])) => format!("silent from {from:.2} to {to:.2} s"),
-            (Extent::Stretch, None) => "silent for some time".to_owned(),
-        };
-        format!("{what}: lost at `{}` ({}): {}", self.node, self.kind, self.reason)
-    }
-}
-
-impl TracedOutput {
-    /// Lines for people: the level and where sound is lost, then the path if it is.
-    #[must_use]
-    pub fn text(&self) -> String {
-        let level = |arrives: &PortLevel| {
-            let rms = arrives.level.rms_db.map_or_else(String::new, |rms| format!(", rms {rms:.1} dB"));
-            let peak = if arrives.level.peak_db.is_some() { "peak " } else { "" };
-            let port = if self.levels.len() > 1 { format!("{} ", arrives.port) } else { String::new() };
-            let from = arrives.from.as_deref().unwrap_or_default();
-            format!("{port}{peak}{}{rms} from {from}", arrives.level.text())
-        };
-        let levels: Vec<String> = self.levels.iter().map(level).collect();
-        let mut out = format!("{}: {}", self.output, levels.join("; "));
-        if self.losses.is_empty() {
-            out.push_str("; nothing is lost on its path\n");
-            return out;
-        }
-        out.push('\n');
-        for loss in &self.losses {
-            let _ = writeln!(out, "  {}", loss.text());
-        }
-        let timed = self.losses.iter().any(|loss| loss.time.is_some());
-        let link = |input: &PortLevel| {
-            let from = input.from.as_deref().unwrap_or_default();
-            format!("{} <- {from} {}", input.port, input.level.text())
-        };
-        let port = |output: &PortLevel| {
-            let span = output.level.span.filter(|_| timed);
-            let span = span.map_or_else(String::new, |[from, to]| format!(" ({from:.2} to {to:.2} s)"));
-            format!("{} {}{span}", output.port, output.level.text())
-        };
-        let shown = self.shown();
-        let cell = |step: &Step| {
-            let inputs: Vec<String> = step.inputs.iter().map(link).collect();
-            let outputs: Vec<String> = step.outputs.iter().map(port).collect();
-            let lost = self.losses.iter().any(|loss| loss.node == step.node);
-            let mark = if lost { "  <-- lost here" } else { "" };
-            [
-                step.node.clone(),
-                step.kind.to_owned(),
-                inputs.join(", "),
-                format!("{}{mark}", outputs.join(", ")),
-            ]
-        };
-        let rows: Vec<[String; 4]> = shown.iter().map(|step| cell(step)).collect();
-        let width = |k: usize| rows.iter().map(|row| row[k].chars().count()).max().unwrap_or(0).min(60);
-        let widths = [width(0), width(1), width(2)];
-        for [node, kind, inputs, outputs] in &rows {
-            let arrow = if outputs.is_empty() { "" } else { "-> " };
-            let [a, b, c] = widths;
-            let line = format!("    {node:<a$}  {kind:<b$}  {inputs:<c$}  {arrow}{outputs}");
-            let _ = writeln!(out, "{}", line.trim_end());
-        }
-        if shown.len() < self.path.len() {
-            let _ = writeln!(
-                out,
-                "    ... {} more nodes, which `--report FILE.json` lists",
-                self.path.len() - shown.len()
-            );
-        }
-        out
-    }
-
-    /// The steps that are listed: all, or in a large graph those that lose the sound, what they read, and what follows them.
-    fn shown(&self) -> Vec<&Step> {
-        if self.path.len() <= MAX_STEPS {
-            return self.path.iter().collect();
-        }
-        let lost: BTreeSet<&str> = self.losses.iter().map(|loss| loss.node.as_str()).collect();
-        let reads = |step: &Step, ids: &BTreeSet<&str>| {
-            step.inputs.iter().filter_map(PortLevel::source).any(|id| ids.contains(id))
-        };
-        let mut near = lost.clone();
-        for step in &self.path {
-            if reads(step, &near) {
-                near.insert(&step.node);
-            }
-        }
-        let read: BTreeSet<&str> = (self.path.iter().filter(|step| lost.contains(step.node.as_str())))
-            .flat_map(|step| step.inputs.iter().filter_map(PortLevel::source))
-            .collect();
-        let wanted = |step: &&Step| near.contains(step.node.as_str()) || read.contains(step.node.as_str());
-        self.path.iter().filter(wanted).take(MAX_STEPS).collect()
-    }
-}
-
-impl SilenceTrace {
-    /// Lines for people.
-    #[must_use]
-    pub fn text(&self) -> String {
-        if self.outputs.is_empty() {
-            return "trace: no file or tap receives a stream or events\n".to_owned();
-        }
-        self.outputs.iter().map(|output| format!("trace: {}", output.text())).collect()
     }
 }
