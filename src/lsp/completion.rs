@@ -3,6 +3,7 @@
 use super::context::{At, Context, doc, port_line};
 use super::formats::{FORMATS, Format};
 use super::names::field_of;
+use super::test_files::{Suggestion, is_test, suggestions};
 use super::workspace::beside;
 use crate::cli::{param_words, port_words};
 use crate::graph::{SCHEMA, placeholder};
@@ -38,6 +39,19 @@ const MAX_DEPTH: usize = 3;
 pub fn complete(context: &Context<'_>, at: At<'_>) -> Vec<CompletionItem> {
     let Some(cursor) = Cursor::at(&at.file.text, at.offset) else { return Vec::new() };
     let completion = Completion { context, at, word: cursor.word.clone(), following: &cursor.following };
+    if is_test(at.file) {
+        let is_given = |name: &str| cursor.frames.last().is_some_and(|f| completion.is_given(f, name));
+        let all = suggestions(&cursor).into_iter().filter(|one| !is_given(one.name));
+        let item = |one: Suggestion| Item {
+            label: one.name.to_owned(),
+            insert: one.insert,
+            snippet: true,
+            kind: Some(CompletionItemKind::FIELD),
+            doc: one.doc.to_owned(),
+            ..Item::default()
+        };
+        return all.map(|one| completion.finish(item(one))).collect();
+    }
     if let Some(format) = Format::of(at.file) {
         let is_given = |name: &String| cursor.frames.last().is_some_and(|f| completion.is_given(f, name));
         let names = format.names(&cursor).into_iter().filter(|name| !is_given(name));

@@ -3,8 +3,10 @@
 use super::analysis::Analysis;
 use super::file::TextFile;
 use super::formats::Format;
+use super::test_files::{is_test, mistakes};
 use super::workspace::{Workspace, beside, uri_of};
 use crate::diag::{Diagnostic, Severity, SourceLocation};
+use crate::lang::Span;
 use lsp_types::{
     DiagnosticRelatedInformation, DiagnosticSeverity, DiagnosticTag, Location, NumberOrString, Range, Uri,
 };
@@ -32,6 +34,12 @@ pub fn text_errors(file: &TextFile) -> Vec<lsp_types::Diagnostic> {
         diagnostic(file.range(&e.span), DiagnosticSeverity::ERROR, "F001", message)
     };
     let mut all: Vec<_> = file.parse.errors().iter().take(MAX_FINDINGS).map(one).collect();
+    if is_test(file) && all.is_empty() {
+        let one = |(span, message): (Span, String)| {
+            diagnostic(file.range(&span), DiagnosticSeverity::ERROR, "F086", message)
+        };
+        all.extend(mistakes(file).into_iter().map(one).take(MAX_FINDINGS));
+    }
     if let Some((span, message)) = Format::of(file).filter(|_| all.is_empty()).and_then(|f| f.mistake(file)) {
         all.push(diagnostic(file.range(&span), DiagnosticSeverity::ERROR, "", message));
     }

@@ -18,6 +18,7 @@ mod outline;
 mod rename;
 mod requests;
 mod server;
+mod test_files;
 mod tokens;
 mod workspace;
 

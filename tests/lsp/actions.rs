@@ -77,7 +77,7 @@ fn each_finding_has_its_fix() {
     fix(
         &with("\"g\": Gain(audio: \"noise\", gain: 1e12),"),
         "write `",
-        &with("\"g\": Gain(audio: \"noise\", gain: 1000000),"),
+        &with("\"g\": Gain(audio: \"noise\", gain: 1000),"),
     );
     fix(
         &with(

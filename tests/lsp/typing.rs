@@ -63,7 +63,7 @@ fn what_can_be_typed_follows_the_place() {
     editor.write("lib.ron", format!("{HEAD}Graph(params: {{\"a\": 1}}, nodes: {{\"n\": Noise()}})"));
     let mut typed = |text: &str| labels(&editor.completions(text));
     assert!(typed("|").contains(&"Graph".to_owned()));
-    assert_eq!(typed("Graph(title: \"x\", |)"), ["nodes", "params", "seed", "use"]);
+    assert_eq!(typed("Graph(title: \"x\", |)"), ["extends", "nodes", "params", "seed", "use"]);
     let types = typed(&graph("\"a\": |"));
     assert!(types.len() > 150 && types.contains(&"Gain".to_owned()), "{}", types.len());
     assert!(typed(&graph("\"a\": Ga|")).contains(&"Gain".to_owned()));
@@ -144,6 +144,14 @@ fn correspondences_materials_and_scores_are_checked_and_completed() {
     let params = json!({"textDocument": {"uri": editor.uri("a.correspondences.ron")}});
     let symbols = editor.request("textDocument/documentSymbol", params);
     assert_eq!(symbols[1]["children"][0]["children"][2]["name"], "duration", "{symbols}");
+    // Checks beside a graph.
+    let test = "#![schema = \"foley:test/1\"]\nTest(cases: {\"a\": Case(outputs: {\"o.wav\": [Peek(db: 1.0)]})})\n";
+    let found = editor.open("a.test.ron", test);
+    assert_eq!((&found[0]["code"], &found[0]["range"]), (&json!("F086"), &range(test, "Peek")), "{found:?}");
+    let typed = labels(&editor.completions("Test(cases: {\"a\": Case(outputs: {\"o.wav\": [|]})})"));
+    assert!(typed.contains(&"Onsets".to_owned()) && typed.len() > 15, "{typed:?}");
+    let typed = labels(&editor.completions("Test(cases: {\"a\": Case(outputs: {\"o.wav\": [Peak(|)]})})"));
+    assert_eq!(typed, ["db", "during"]);
     // A file of another program.
     assert!(editor.open("other.ron", "Settings(a: 1)").is_empty());
     assert!(editor.completions("Settings(|)").is_empty());

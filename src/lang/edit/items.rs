@@ -142,9 +142,9 @@ pub fn remove_item(parse: &Parse, item: Span) -> Result<Vec<TextEdit>, EditError
         let blanks = text[comma..].len() - text[comma..].trim_start_matches([' ', '\t']).len();
         item.start..comma + blanks
     } else {
-        // The last item: without the space before it, unless a comment ends there.
-        let before = text[..item.start].trim_end_matches([' ', '\t']).len();
-        before..item.end
+        // The last item: without the comma and the space before it, unless a comment ends there.
+        let before = text[..item.start].trim_end_matches([' ', '\t']);
+        before.strip_suffix(',').unwrap_or(before).len()..item.end
     };
     Ok(vec![TextEdit { span, new_text: String::new() }])
 }
