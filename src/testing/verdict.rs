@@ -97,11 +97,7 @@ fn compare(check: &Check, recording: &Recording) -> Result<Verdict, Verdict> {
         Kind::Silent | Kind::Sounds => silence(check, recording)?,
         Kind::Onsets => {
             let samples = sound(recording)?;
-            let start = if during[0].is_finite() { during[0] } else { 0.0 };
-            let mono = Samples::mono(samples.during(during), samples.width);
-            let found = onsets(&mono, FluxFrames::at_rate(samples.rate), samples.rate, ONSET_RISE);
-            let times: Vec<f64> = found.into_iter().map(|k| start + k as f64 / samples.rate).collect();
-            timed(check, &times, "onset")
+            timed(check, &onset_times(samples, during), "onset")
         }
         Kind::Events => match recording {
             Recording::Events(events) => {
@@ -162,6 +158,18 @@ fn compare(check: &Check, recording: &Recording) -> Result<Verdict, Verdict> {
             Verdict::new(false, "nothing to compare with", "another run")
         }
     })
+}
+
+/// Times of the onsets of a sound in a range, s.
+///
+/// They are those of the whole sound, so that the range cuts no sound off; the end of the sound may, and what rises in the last frame is no
+/// onset.
+fn onset_times(samples: &Samples, [from, to]: [f64; 2]) -> Vec<f64> {
+    let frames = FluxFrames::at_rate(samples.rate);
+    let mono = Samples::mono(&samples.numbers, samples.width);
+    let last = mono.len().saturating_sub(frames.frame);
+    let found = onsets(&mono, frames, samples.rate, ONSET_RISE).into_iter().filter(|at| *at < last);
+    found.map(|at| at as f64 / samples.rate).filter(|time| (from..to).contains(time)).collect()
 }
 
 fn silence(check: &Check, recording: &Recording) -> Result<Verdict, Verdict> {
