@@ -53,6 +53,16 @@ pub fn schema(registry: &Registry) -> Value {
                         "properties": {"path": {"type": "string"}, "params": {"type": "object"}},
                         "required": ["path"],
                     },
+                    {
+                        "title": "Array",
+                        "type": "object",
+                        "properties": {
+                            "path": {"type": "string"},
+                            "params": {"type": "object"},
+                            "items": {"type": "array", "items": {"type": "object"}},
+                        },
+                        "required": ["path", "items"],
+                    },
                 ]},
             },
             "nodes": {

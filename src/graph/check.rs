@@ -188,10 +188,10 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
         match (port, param) {
             (Some(port), None) => {
                 linked[port] = true;
-                checked_node.links[port] = links_of(&given, &ty.inputs[port], node, loader);
+                checked_node.set_links(port, links_of(&given, &ty.inputs[port], node, loader));
             }
             (Some(port), Some(spec)) if is_link(&given.value, spec) => {
-                checked_node.links[port] = links_of(&given, &ty.inputs[port], node, loader);
+                checked_node.set_links(port, links_of(&given, &ty.inputs[port], node, loader));
             }
             (_, Some(spec)) => match datum(&given, spec, loader) {
                 Some(datum) => drop(data.insert(spec.name, datum)),

@@ -3,6 +3,7 @@
 use crate::diag::SourceLocation;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::AnyParams;
+use foley_nodes::core::ports::Arity;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -25,4 +26,17 @@ pub(super) struct CheckedNode {
     pub fields: BTreeMap<String, SourceLocation>,
     /// Locations of the fields that refer to a parameter of the graph; `fields` has those of the values.
     pub uses: BTreeMap<String, SourceLocation>,
+}
+
+impl CheckedNode {
+    /// Sets the links of an input. A link that stands for all items of an array has its place for each of them.
+    pub fn set_links(&mut self, port: usize, links: Vec<RawLink>) {
+        let spec = &self.ty.inputs[port];
+        if spec.arity == Arity::Many {
+            for (k, link) in links.iter().enumerate() {
+                self.fields.insert(format!("{}[{k}]", spec.name), link.location.clone());
+            }
+        }
+        self.links[port] = links;
+    }
 }

@@ -46,6 +46,9 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
         location: SourceLocation { file: given.location.file, span: value.span() },
     };
     match (&given.value.value, spec.arity) {
+        (ValueKind::Str(text), Arity::Many) => {
+            all_items(text, &given.scope.prefix, loader).iter().map(|text| raw(&given.value, text)).collect()
+        }
         (ValueKind::Str(text), _) => vec![raw(&given.value, text)],
         (ValueKind::Option(None), Arity::Optional) | (ValueKind::Error, _) => Vec::new(),
         // A text that needs quotes in a file may be bare on the command line.
@@ -58,7 +61,10 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
                 match loader.resolve(given.inside(item)) {
                     Some(Given { value: Value { value: ValueKind::Str(text), .. }, scope, .. }) => {
                         let location = SourceLocation { file: given.location.file, span: item.span() };
-                        links.push(RawLink { text, scope: scope.prefix, location });
+                        for text in all_items(&text, &scope.prefix, loader) {
+                            let (scope, location) = (scope.prefix.clone(), location.clone());
+                            links.push(RawLink { text, scope, location });
+                        }
                     }
                     Some(other) if !other.value.is_error() => {
                         let location = other.location.clone();
@@ -92,6 +98,19 @@ pub(super) fn links_of(given: &Given, spec: &PortSpec, node: &RawNode, loader: &
     }
 }
 
+/// The links of a text with `*` in place of the number of an item: one for each item of the array.
+fn all_items(text: &str, scope: &str, loader: &Loader) -> Vec<String> {
+    let mut all = vec![text.to_owned()];
+    while let Some(open) = all.iter().position(|text| text.contains(".*")) {
+        let text = all[open].clone();
+        let at = text.find(".*").unwrap_or_default() + 1;
+        let Some(&count) = loader.arrays.get(&format!("{scope}{}", &text[..at])) else { return all };
+        let items = (0..count).map(|k| format!("{}{k}{}", &text[..at], &text[at + 1..]));
+        all.splice(open..=open, items);
+    }
+    all
+}
+
 /// Follows a link to the output that it names. `reader` is the location of the node with the input.
 ///
 /// `None` where the other node, or its whole sub-graph, has errors of its own.
@@ -107,23 +126,29 @@ pub(super) fn link(
     let full = format!("{}{}", raw.scope, raw.text);
     let (node, port) = match by_id.get(full.as_str()) {
         Some(&node) => (node, None),
-        None => match full.rsplit_once('.').and_then(|(id, port)| Some((*by_id.get(id)?, port))) {
-            Some((node, port)) => (node, Some(port.to_owned())),
-            None if loader.lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
-            None => {
-                let id = raw.text.split('.').next().unwrap_or_default();
-                let first = |(k, n): &(usize, &RawNode)| by_id.get(n.id.as_str()) == Some(k);
-                let nodes = nodes.iter().enumerate().filter(first);
-                let names = nodes.filter_map(|(_, n)| n.id.strip_prefix(raw.scope.as_str()));
-                let message = format!("there is no node `{}`", raw.text);
-                let best: Vec<&str> = names.collect();
-                let found = if best.contains(&id) { raw.text.as_str() } else { id };
-                let rest = raw.text.strip_prefix(found).unwrap_or_default();
-                let written = |id: &str| quote(&format!("{id}{rest}"));
-                let fix = fixes::rename(found, best.iter().copied(), &raw.location, written);
-                return Err(error("F020", message).help(help(found, "nodes", best)).fixes(fix));
+        None => {
+            match full.rsplit_once('.').and_then(|(id, port)| Some((*by_id.get(id)?, port))) {
+                Some((node, port)) => (node, Some(port.to_owned())),
+                None if loader.lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
+                None => {
+                    let id = raw.text.split('.').next().unwrap_or_default();
+                    let first = |(k, n): &(usize, &RawNode)| by_id.get(n.id.as_str()) == Some(k);
+                    let nodes = nodes.iter().enumerate().filter(first);
+                    let names = nodes.filter_map(|(_, n)| n.id.strip_prefix(raw.scope.as_str()));
+                    let message = format!("there is no node `{}`", raw.text);
+                    let best: Vec<&str> = names.collect();
+                    let found = if best.contains(&id) { raw.text.as_str() } else { id };
+                    let rest = raw.text.strip_prefix(found).unwrap_or_default();
+                    let written = |id: &str| quote(&format!("{id}{rest}"));
+                    let fix = fixes::rename(found, best.iter().copied(), &raw.location, written);
+                    let help = match raw.text.contains('*') {
+                    true => "`*` stands for all items of an array of sub-graphs, in an input that takes a list".into(),
+                    false => help(found, "nodes", best),
+                };
+                    return Err(error("F020", message).help(help).fixes(fix));
+                }
             }
-        },
+        }
     };
     let Some(checked_node) = &checked[node] else { return Ok(None) };
     let ty = &checked_node.ty;

@@ -195,6 +195,8 @@ pub(super) struct Loader {
     pub missing: usize,
     /// Prefixes of the ids of unreadable sub-graphs.
     pub lost: Vec<String>,
+    /// Prefixes of the ids of arrays of sub-graphs, and the number of items of each.
+    pub arrays: BTreeMap<String, usize>,
     /// True if a limit was exceeded: it is reported once, and reading stops.
     pub full: bool,
 }

@@ -53,29 +53,60 @@ impl Loader {
                 };
                 entries.iter().filter_map(one).collect()
             };
-            let (path, mut given) = match &entry.value.value {
-                ValueKind::Str(path) => (path.clone(), Vec::new()),
-                ValueKind::Struct(..) if entry.value.field("path").and_then(Value::as_str).is_some() => {
-                    let path = entry.value.field("path").and_then(Value::as_str).unwrap_or_default();
-                    (path.to_owned(), inner(entry.value.field("params")))
-                }
+            let params = || inner(entry.value.field("params"));
+            let path = match &entry.value.value {
+                ValueKind::Str(path) => path.as_str(),
                 ValueKind::Error => continue,
-                _ => {
-                    let message = format!(
-                        "a sub-graph is a path, or Sub(path: \"...\", params: {{...}}), found {}",
-                        entry.value.describe()
-                    );
-                    self.error("F030", message, location);
+                _ => match entry.value.field("path").and_then(Value::as_str) {
+                    Some(path) => path,
+                    None => {
+                        let message = format!(
+                            "a sub-graph is a path, Sub(path: \"...\", params: {{...}}) or Array(path: \"...\", items: [...]), \
+                             found {}",
+                            entry.value.describe()
+                        );
+                        self.error("F030", message, location);
+                        continue;
+                    }
+                },
+            };
+            let path = join(folder, path);
+            let own = format!("{}{name}.", scope.prefix);
+            let set = |part: &str| {
+                let of_part = |(target, value): &(String, Given)| {
+                    let rest = target.strip_prefix(name)?.strip_prefix('.')?;
+                    // A value without the number of an item is for all of them.
+                    let rest = rest.strip_prefix(part).unwrap_or(rest);
+                    let other = rest.split('.').next().is_some_and(|first| first.parse::<usize>().is_ok());
+                    (!other).then(|| (rest.to_owned(), value.clone()))
+                };
+                sets.iter().filter_map(of_part).collect::<Vec<_>>()
+            };
+            let is_array = matches!(entry.value.as_struct(), Some((Some(kind), _)) if kind.value == "Array");
+            if !is_array {
+                let given = params().into_iter().chain(set("")).collect();
+                self.sub_graph(&path, location, &own, given, chain);
+                continue;
+            }
+            let Some(items) = entry.value.field("items").and_then(Value::as_list) else {
+                let message =
+                    "an array needs `items`, a list of parameters such as [{\"frequency\": 220.0}, {}]";
+                self.error("F030", message, location);
+                continue;
+            };
+            self.arrays.insert(own.clone(), items.len());
+            for (k, item) in items.iter().enumerate() {
+                let at = SourceLocation { file, span: item.span() };
+                if item.as_map().is_none() && !item.is_error() {
+                    let message =
+                        format!("an item of an array is a map of parameters, found {}", item.describe());
+                    self.error("F030", message, at);
                     continue;
                 }
-            };
-            let own = format!("{name}.");
-            for (target, value) in sets {
-                if let Some(rest) = target.strip_prefix(&own) {
-                    given.push((rest.to_owned(), value.clone()));
-                }
+                let part = format!("{k}.");
+                let given = params().into_iter().chain(inner(Some(item))).chain(set(&part)).collect();
+                self.sub_graph(&path, at, &format!("{own}{part}"), given, chain);
             }
-            self.sub_graph(&join(folder, &path), location, &format!("{}{own}", scope.prefix), given, chain);
         }
         if any_error(&self.found[start..]) {
             let prefixes = names.iter().map(|name| format!("{}{name}.", scope.prefix));

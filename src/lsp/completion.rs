@@ -125,6 +125,14 @@ impl Completion<'_> {
                         doc: "A sub-graph with values for its parameters.".into(),
                         ..Item::default()
                     });
+                    items.push(Item {
+                        label: "Array".into(),
+                        insert: "Array(path: \"$1\", items: [{$2}])".into(),
+                        snippet: true,
+                        kind: Some(CompletionItemKind::STRUCT),
+                        doc: "A sub-graph for each of some items, with their parameters.".into(),
+                        ..Item::default()
+                    });
                 }
                 items
             }
@@ -387,7 +395,8 @@ impl Completion<'_> {
         let uses = layers.iter().flat_map(|(path, file)| file.uses().map(move |used| (path, used)));
         for (path, used) in uses.filter(|_| depth < MAX_DEPTH) {
             let Some(named) = used.path.as_str() else { continue };
-            self.outputs(&beside(path, named), &format!("{prefix}{}.", used.name), depth + 1, visit);
+            let items = if used.is_array { "*." } else { "" };
+            self.outputs(&beside(path, named), &format!("{prefix}{}.{items}", used.name), depth + 1, visit);
         }
     }
 
@@ -458,7 +467,9 @@ impl Completion<'_> {
     fn sub_graph(&self, sub: &Frame, rest: &[&Frame], slot: &Slot) -> Vec<Item> {
         match (rest, slot) {
             ([], Slot::Item) => {
-                let fields = [("path", "\"$1\""), ("params", "{$1}")];
+                let fields = [("path", "\"$1\""), ("params", "{$1}"), ("items", "[{$1}]")];
+                let count = if sub.name() == Some("Array") { 3 } else { 2 };
+                let fields = fields[..count].to_vec();
                 let fields = fields.iter().filter(|(name, _)| !self.is_given(sub, name));
                 let item = |(name, value): &(&str, &str)| Item {
                     label: (*name).to_owned(),
@@ -470,7 +481,7 @@ impl Completion<'_> {
                 fields.map(item).collect()
             }
             ([], Slot::Value(key)) if key.text == "path" => self.files(self.typed(), Files::Graphs),
-            ([params], Slot::Item) => {
+            ([params], Slot::Item) | ([_, params], Slot::Item) if params.opener == SyntaxKind::LBrace => {
                 let used = sub.key().and_then(|name| self.at.file.use_of(name));
                 let path = used.and_then(|used| Some(beside(self.at.path, used.path.as_str()?)));
                 let Some(file) = path.and_then(|path| self.context.workspace.file(&path)) else {
@@ -483,7 +494,7 @@ impl Completion<'_> {
                 });
                 entries.map(|(name, value)| self.text(name, CompletionItemKind::CONSTANT, value)).collect()
             }
-            ([_], Slot::Value(_)) => {
+            ([.., params], Slot::Value(_)) if params.opener == SyntaxKind::LBrace => {
                 let mut items = self.params();
                 self.outputs(self.at.path, "", 0, &mut |link, ty, output, _| {
                     let detail = format!("{}, {}", ty.name, port_line(output, None).replace('`', ""));

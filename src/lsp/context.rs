@@ -68,7 +68,8 @@ impl Context<'_> {
         let spec = ty.outputs.get(port)?;
         let facts = self.analyses.get(path).and_then(|a| {
             let id = link.strip_suffix(&format!(".{}", spec.name)).unwrap_or(link);
-            a.nodes.get(id)
+            // All items of an array have the rates of the first.
+            a.nodes.get(&*id.replace(".*", ".0"))
         });
         let facts = facts.or_else(|| self.facts(&linked.path, &linked.id));
         let stream = facts.and_then(|facts| facts.outputs.get(port).cloned().flatten());

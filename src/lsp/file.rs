@@ -42,8 +42,8 @@ pub struct UseText<'a> {
     pub name: &'a str,
     /// The value that is its path.
     pub path: &'a Value,
-    /// The values of its parameters.
-    pub params: &'a [Entry],
+    /// True for an array of sub-graphs.
+    pub is_array: bool,
 }
 
 impl TextFile {
@@ -115,8 +115,8 @@ impl TextFile {
             let name = entry.key.as_str()?;
             let path =
                 if entry.value.as_str().is_some() { &entry.value } else { entry.value.field("path")? };
-            let params = entry.value.field("params").and_then(Value::as_map).unwrap_or_default();
-            Some(UseText { entry, name, path, params })
+            let is_array = matches!(entry.value.as_struct(), Some((Some(kind), _)) if kind.value == "Array");
+            Some(UseText { entry, name, path, is_array })
         })
     }
 
@@ -171,6 +171,24 @@ impl TextFile {
     pub fn span(&self, range: Range) -> Span {
         let (start, end) = (self.offset(range.start), self.offset(range.end));
         start..end.max(start)
+    }
+}
+
+impl<'a> UseText<'a> {
+    /// The values of its parameters, those of all items of an array among them.
+    pub fn params(&self) -> impl Iterator<Item = &'a Entry> {
+        let entry = self.entry;
+        let of = |value: Option<&'a Value>| value.and_then(Value::as_map).unwrap_or_default();
+        let items = entry.value.field("items").and_then(Value::as_list).unwrap_or_default();
+        of(entry.value.field("params")).iter().chain(items.iter().flat_map(move |item| of(Some(item))))
+    }
+
+    /// What follows its name in a link: without the number or `*` of an item of an array.
+    #[must_use]
+    pub fn rest<'t>(&self, rest: &'t str) -> &'t str {
+        let (first, tail) = rest.split_once('.').unwrap_or((rest, ""));
+        let is_item = first == "*" || first.parse::<usize>().is_ok();
+        if self.is_array && is_item { tail } else { rest }
     }
 }
 

@@ -129,11 +129,13 @@ pub fn follow(workspace: &Workspace, path: &Path, text: &str) -> Option<Linked> 
     for _ in 0..MAX_DEPTH {
         let (first, tail) = rest.split_once('.').map_or((rest, None), |(first, tail)| (first, Some(tail)));
         let layers = workspace.layers(&path);
-        match layers.iter().find_map(|(path, file)| Some(beside(path, file.use_of(first)?.path.as_str()?))) {
-            Some(inner) => {
+        let used = layers.iter().find_map(|(path, file)| Some((path, file.use_of(first)?)));
+        match used.and_then(|(path, used)| Some((beside(path, used.path.as_str()?), used.rest(tail?)))) {
+            Some((inner, tail)) => {
                 path = inner;
-                rest = tail?;
+                rest = tail;
             }
+            None if used.is_some() => return None,
             None => {
                 // What the node is stands in the first file that names its type.
                 let node = |(_, file): &&(PathBuf, Arc<TextFile>)| file.node(first).is_some();
@@ -187,7 +189,7 @@ impl Names<'_> {
             }
             let inner_file = self.workspace.file(&inner);
             let links = inner_file.as_ref().map(|file| self.link_params(&inner, file, 1)).unwrap_or_default();
-            for entry in used.params {
+            for entry in used.params() {
                 let Some((span, name)) = self.inside(&entry.key).zip(entry.key.as_str()) else { continue };
                 match name.split_once('.') {
                     None => self.add(span, Target::Param(inner.clone(), name.to_owned()), false),
@@ -245,7 +247,12 @@ impl Names<'_> {
                 let of = owner(&layers, &path, |file| file.use_of(first).is_some());
                 self.add(span, Target::Use(of, first.to_owned()), false);
                 let Some(named) = used.path.as_str() else { return };
+                let tail = text.get(next..).unwrap_or_default();
+                at = next + tail.len() - used.rest(tail).len();
                 path = beside(user, named);
+                if at >= text.len() {
+                    return;
+                }
             } else {
                 let path = owner(&layers, &path, |file| file.node_entry(first).is_some());
                 self.add(span, Target::Node(path.clone(), first.to_owned()), false);
@@ -255,10 +262,6 @@ impl Names<'_> {
                 }
                 return;
             }
-            if next > text.len() {
-                return;
-            }
-            at = next;
         }
     }
 
@@ -289,12 +292,12 @@ impl Names<'_> {
             let inputs = node.fields.iter().filter(|f| ty.inputs.iter().any(|p| p.name == f.name.value));
             inputs.for_each(|field| used(&field.value));
         }
-        if depth < 4 && file.uses().any(|used| !used.params.is_empty()) {
+        if depth < 4 && file.uses().any(|used| used.params().next().is_some()) {
             for sub in file.uses() {
                 let Some(inner) = sub.path.as_str().map(|named| beside(path, named)) else { continue };
                 let Some(inner_file) = self.workspace.file(&inner) else { continue };
                 let links = self.link_params(&inner, &inner_file, depth + 1);
-                let linked = sub.params.iter().filter(|e| e.key.as_str().is_some_and(|k| links.contains(k)));
+                let linked = sub.params().filter(|e| e.key.as_str().is_some_and(|k| links.contains(k)));
                 linked.for_each(|entry| used(&entry.value));
             }
         }

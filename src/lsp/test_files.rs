@@ -46,7 +46,9 @@ pub fn suggestions(cursor: &Cursor) -> Vec<Suggestion> {
     };
     let frames: Vec<&Frame> = cursor.frames.iter().skip(1).collect();
     match (frames.as_slice(), &cursor.slot) {
-        ([_], Slot::Item) => vec![field(&("cases", "{\n    \"$1\": Case(outputs: {$2}),\n}", "Cases by name."))],
+        ([_], Slot::Item) => {
+            vec![field(&("cases", "{\n    \"$1\": Case(outputs: {$2}),\n}", "Cases by name."))]
+        }
         ([_, cases], Slot::Value(_)) if cases.key() == Some("cases") => {
             let insert = "Case(outputs: {\"$1\": [$2]})".to_owned();
             vec![Suggestion { name: "Case", insert, doc: "A run of the graph, and what is expected of it." }]
@@ -65,7 +67,8 @@ pub fn suggestions(cursor: &Cursor) -> Vec<Suggestion> {
                 let required = spec.fields.iter().filter(|(_, _, required)| *required);
                 let fields: Vec<String> =
                     required.enumerate().map(|(k, (name, ..))| format!("{name}: ${}", k + 1)).collect();
-                let fields = if fields.is_empty() { String::new() } else { format!("({})", fields.join(", ")) };
+                let fields =
+                    if fields.is_empty() { String::new() } else { format!("({})", fields.join(", ")) };
                 Suggestion { name: spec.name, insert: format!("{}{fields}", spec.name), doc: spec.text }
             };
             CHECKS.iter().map(check).collect()

@@ -46,6 +46,8 @@ Graph(
 
 #[test]
 fn alignment_needs_all_of_a_group() {
+    check("(a:{{\n}:1,-2.5:1,inf\t:1})");
+    check("{[\n]:1,ab\t:1,(\n):2}");
     check_is("{\n\"a\":   1,\n\"bbb\": 2,\n}", "{\n    \"a\":   1,\n    \"bbb\": 2,\n}\n");
     check_is("{\n\"a\":   1,\n\"bbb\":  2,\n}", "{\n    \"a\": 1,\n    \"bbb\": 2,\n}\n");
     check_is("{\n\"a\":     1,\n\"bbb\":   2,\n}", "{\n    \"a\":   1,\n    \"bbb\": 2,\n}\n");

@@ -1,5 +1,6 @@
 //! The graph language.
 
+mod arrays;
 mod checker;
 mod extends;
 mod formatter;

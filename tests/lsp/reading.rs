@@ -164,6 +164,39 @@ Graph(
 }
 
 #[test]
+fn items_of_arrays_are_followed() {
+    let mut editor = Editor::new();
+    editor.write("voice.ron", "#![schema = \"foley:graph/1\"]\nGraph(params: {\"f\": Required}, nodes: {\"tone\": Tone(frequency: \"$f\", duration: Some(0.1))})\n");
+    let text = "#![schema = \"foley:graph/1\"]
+Graph(use: {\"v\": Array(path: \"voice.ron\", items: [{\"f\": 1.0}, {\"f\": 2.0}])}, nodes: {
+    \"m\": Mix(inputs: [\"v.*.tone\", \"v.1.tone\"]),
+    \"o\": WavOut(audio: \"m\", path: \"o.wav\"),
+})
+";
+    let found = editor.open("chord.ron", text);
+    assert!(found.is_empty(), "{found:?}");
+    for part in ["tone\", \"v.1", "tone\"]"] {
+        let found = editor.request("textDocument/definition", editor.at("chord.ron", &at(text, part)));
+        assert_eq!(file_name(&found["uri"]), "voice.ron", "{part}");
+    }
+    let hover = editor.hover("chord.ron", &at(text, "tone\", \"v.1"));
+    assert!(hover.contains("**tone**: Tone"), "{hover}");
+    let mut params = editor.at("chord.ron", &at(text, "f\": 2.0"));
+    params["newName"] = json!("frequency");
+    let edit = editor.request("textDocument/rename", params);
+    assert_eq!(
+        edited(text, &edits_of(&edit, &editor.uri("chord.ron"))),
+        text.replace("\"f\"", "\"frequency\"")
+    );
+    let whole = json!({"start": {"line": 0, "character": 0}, "end": {"line": 99, "character": 0}});
+    let params = json!({"textDocument": {"uri": editor.uri("chord.ron")}, "range": whole});
+    let hints = editor.request("textDocument/inlayHint", params);
+    assert_eq!(hints.as_array().unwrap().len(), 3, "{hints}");
+    let typed = editor.completions(&text.replace("v.1.tone", "|"));
+    assert!(super::editor::labels(&typed).contains(&"v.*.tone".to_owned()));
+}
+
+#[test]
 fn links_show_what_comes_over_them() {
     let mut editor = project();
     let whole = json!({"start": {"line": 0, "character": 0}, "end": {"line": 99, "character": 0}});

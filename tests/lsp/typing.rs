@@ -145,7 +145,8 @@ fn correspondences_materials_and_scores_are_checked_and_completed() {
     let symbols = editor.request("textDocument/documentSymbol", params);
     assert_eq!(symbols[1]["children"][0]["children"][2]["name"], "duration", "{symbols}");
     // Checks beside a graph.
-    let test = "#![schema = \"foley:test/1\"]\nTest(cases: {\"a\": Case(outputs: {\"o.wav\": [Peek(db: 1.0)]})})\n";
+    let test =
+        "#![schema = \"foley:test/1\"]\nTest(cases: {\"a\": Case(outputs: {\"o.wav\": [Peek(db: 1.0)]})})\n";
     let found = editor.open("a.test.ron", test);
     assert_eq!((&found[0]["code"], &found[0]["range"]), (&json!("F086"), &range(test, "Peek")), "{found:?}");
     let typed = labels(&editor.completions("Test(cases: {\"a\": Case(outputs: {\"o.wav\": [|]})})"));

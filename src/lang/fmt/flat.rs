@@ -19,7 +19,8 @@ pub(super) fn flat(node: &SyntaxNode) -> Option<String> {
     let mut in_brackets = 0_usize;
     for token in node.descendants_with_tokens().filter_map(|element| element.into_token()) {
         let (kind, text) = (token.kind(), token.text());
-        if (in_brackets > 0 || !kind.is_trivia()) && text.contains('\n') || out.len() > 8 * LINE {
+        let breaks = text.contains('\n') && !is_inside_empty(&token);
+        if (in_brackets > 0 || !kind.is_trivia()) && breaks || out.len() > 8 * LINE {
             return None;
         }
         in_brackets += usize::from(kind.closer().is_some());
@@ -41,6 +42,13 @@ pub(super) fn flat(node: &SyntaxNode) -> Option<String> {
         last = Some(token);
     }
     Some(out)
+}
+
+/// Returns true for the white space between two brackets with nothing else between them.
+fn is_inside_empty(token: &SyntaxToken) -> bool {
+    let kind = |token: Option<SyntaxToken>| token.map(|token| token.kind());
+    let opener = kind(token.prev_token()).and_then(SyntaxKind::closer);
+    token.kind() == Whitespace && opener.is_some() && opener == kind(token.next_token())
 }
 
 /// Returns true if a comma is needed on one line: not the last one, except of a tuple of one.
