@@ -24,7 +24,7 @@ mod watch;
 pub use args::Args;
 pub use levels::{HEADING, measure, row};
 pub use new::template;
-pub use nodes::{describe, param_words, plain, port_words};
+pub use nodes::describe;
 pub use schema::schema;
 
 use crate::diag::Diagnostic;

@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::console::stdout;
-use super::nodes::plain;
+use crate::docs::plain;
 use crate::graph::SCHEMA;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{Datum, ParamKind, ParamSpec};

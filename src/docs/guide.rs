@@ -4,6 +4,11 @@
 pub const GUIDE: &[(&str, &str)] = &[
     ("introduction", include_str!("../../docs/src/introduction.md")),
     ("first-sound", include_str!("../../docs/src/first-sound.md")),
+    ("tutorial_cloth", include_str!("../../docs/src/tutorial_cloth.md")),
+    ("tutorial_material", include_str!("../../docs/src/tutorial_material.md")),
+    ("tutorial_grains", include_str!("../../docs/src/tutorial_grains.md")),
+    ("tutorial_numbers", include_str!("../../docs/src/tutorial_numbers.md")),
+    ("tutorial_texture", include_str!("../../docs/src/tutorial_texture.md")),
     ("graphs", include_str!("../../docs/src/graphs.md")),
     ("editors", include_str!("../../docs/src/editors.md")),
     ("running", include_str!("../../docs/src/running.md")),

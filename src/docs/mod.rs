@@ -4,6 +4,9 @@
 
 mod guide;
 mod nodes;
+mod words;
+
+pub use words::{param_words, plain, port_words};
 
 use crate::diag::codes;
 use clap::Command;

@@ -1,7 +1,6 @@
 //! The reference of all node types.
 
-use super::NOTE;
-use crate::cli::{plain, port_words};
+use super::{NOTE, plain, port_words};
 use crate::lang;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{ParamKind, ParamSpec};

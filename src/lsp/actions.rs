@@ -27,7 +27,7 @@ pub fn actions(
     selection: &Span,
     known: &[Diagnostic],
 ) -> Vec<CodeAction> {
-    let analysis = context.analyses.get(path).filter(|analysis| analysis.file.text == file.text);
+    let analysis = context.analyses.get(path);
     let mut all = Vec::new();
     if let Some(analysis) = analysis {
         all.extend(fixes(analysis, file, uri, selection, known));

@@ -1,6 +1,5 @@
 //! What is wrong with a graph, and what its links carry: found on a thread of its own, for the newest text.
 
-use super::file::TextFile;
 use crate::diag::{Diagnostic, Sources};
 use crate::graph::{LoadOptions, Texts};
 use crate::session::{Errors, Inspection, Session};
@@ -18,11 +17,9 @@ use std::thread::{self, JoinHandle};
 pub struct Request {
     /// Its path.
     pub path: PathBuf,
-    /// Its text.
-    pub file: Arc<TextFile>,
     /// Version of its text.
     pub version: i32,
-    /// The texts of the open files.
+    /// The texts of the open files, its own among them.
     pub texts: Arc<Texts>,
 }
 
@@ -31,9 +28,7 @@ pub struct Request {
 pub struct Analysis {
     /// Its path.
     pub path: PathBuf,
-    /// The text that was inspected.
-    pub file: Arc<TextFile>,
-    /// Version of that text.
+    /// Version of the text that was inspected.
     pub version: i32,
     /// Errors and warnings, with the texts that they point into.
     pub diagnostics: Vec<Diagnostic>,
@@ -72,7 +67,7 @@ pub struct StreamFacts {
 impl Analysis {
     /// Inspects a graph.
     fn of(request: Request, options: &LoadOptions) -> Self {
-        let Request { path, file, version, texts } = request;
+        let Request { path, version, texts } = request;
         let mut options = options.clone();
         options.texts = Some(texts);
         let Inspection { errors, graph, shapes, latencies, asked } =
@@ -95,7 +90,7 @@ impl Analysis {
         });
         let nodes = nodes.collect();
         let asked = asked.files.into_keys().collect();
-        Self { path, file, version, diagnostics, sources, notes, nodes, asked }
+        Self { path, version, diagnostics, sources, notes, nodes, asked }
     }
 }
 

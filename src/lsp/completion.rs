@@ -5,7 +5,7 @@ use super::formats::{FORMATS, Format};
 use super::names::field_of;
 use super::test_files::{Suggestion, is_test, suggestions};
 use super::workspace::beside;
-use crate::cli::{param_words, port_words};
+use crate::docs::{param_words, port_words};
 use crate::graph::{SCHEMA, placeholder};
 use crate::lang::SyntaxKind;
 use crate::lang::cursor::{Cursor, Frame, Slot, Word};
@@ -13,8 +13,8 @@ use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortSpec};
 use lsp_types::{
-    CompletionItem, CompletionItemKind, CompletionTextEdit, Documentation, InsertTextFormat, MarkupContent,
-    MarkupKind, TextEdit,
+    CompletionItem, CompletionItemKind, CompletionList, CompletionTextEdit, Documentation, InsertTextFormat,
+    MarkupContent, MarkupKind, TextEdit,
 };
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -29,15 +29,18 @@ const GRAPH_FIELDS: [(&str, &str, &str); 6] = [
     ("nodes", "{\n    $0\n}", "The nodes, each by its id."),
 ];
 
-/// Maximum number of links and of files that are offered.
-const MAX_ITEMS: usize = 4000;
+/// Maximum number of items that are offered at once.
+const MAX_ITEMS: usize = 500;
+/// Maximum number of files of a folder that are looked at.
+const MAX_FILES: usize = 4000;
 /// Maximum depth of sub-graphs whose nodes are offered.
 const MAX_DEPTH: usize = 3;
 
-/// What can stand at the cursor.
+/// What can stand at the cursor, of what has the typed letters in their order. Of very many the first are offered, and the editor asks
+/// again when more is typed.
 #[must_use]
-pub fn complete(context: &Context<'_>, at: At<'_>) -> Vec<CompletionItem> {
-    let Some(cursor) = Cursor::at(&at.file.text, at.offset) else { return Vec::new() };
+pub fn complete(context: &Context<'_>, at: At<'_>) -> CompletionList {
+    let Some(cursor) = Cursor::at(&at.file.text, at.offset) else { return CompletionList::default() };
     let completion = Completion { context, at, word: cursor.word.clone(), following: &cursor.following };
     if is_test(at.file) {
         let is_given = |name: &str| cursor.frames.last().is_some_and(|f| completion.is_given(f, name));
@@ -50,12 +53,12 @@ pub fn complete(context: &Context<'_>, at: At<'_>) -> Vec<CompletionItem> {
             doc: one.doc.to_owned(),
             ..Item::default()
         };
-        return all.map(|one| completion.finish(item(one))).collect();
+        return completion.list(all.map(item).collect());
     }
     if let Some(format) = Format::of(at.file) {
         let is_given = |name: &String| cursor.frames.last().is_some_and(|f| completion.is_given(f, name));
         let names = format.names(&cursor).into_iter().filter(|name| !is_given(name));
-        return names.map(|name| completion.finish(format_item(name, &cursor.slot))).collect();
+        return completion.list(names.map(|name| format_item(name, &cursor.slot)).collect());
     }
     // `Some(...)` changes nothing about what is meant.
     let slot = match cursor.frames.last() {
@@ -65,7 +68,7 @@ pub fn complete(context: &Context<'_>, at: At<'_>) -> Vec<CompletionItem> {
         _ => cursor.slot.clone(),
     };
     let frames: Vec<&Frame> = cursor.frames[1..].iter().filter(|frame| !frame.is_some()).collect();
-    completion.at_place(&frames, &slot)
+    completion.list(completion.at_place(&frames, &slot))
 }
 
 /// A field or a choice of a file that is no graph.
@@ -100,8 +103,24 @@ struct Item {
 }
 
 impl Completion<'_> {
-    fn at_place(&self, frames: &[&Frame], slot: &Slot) -> Vec<CompletionItem> {
-        let items = match (frames, slot) {
+    /// The items with the typed letters; a list that is not complete is asked for again.
+    fn list(&self, items: Vec<Item>) -> CompletionList {
+        let count = items.len();
+        let mut fitting: Vec<Item> = items.into_iter().filter(|item| self.fits(&item.label)).collect();
+        fitting.sort_by(|a, b| (a.order, &a.label).cmp(&(b.order, &b.label)));
+        fitting.truncate(MAX_ITEMS);
+        let is_incomplete = fitting.len() < count || !self.typed().is_empty();
+        CompletionList { is_incomplete, items: fitting.into_iter().map(|item| self.finish(item)).collect() }
+    }
+
+    /// Returns true for a label that has the typed letters in their order.
+    fn fits(&self, label: &str) -> bool {
+        let mut letters = label.chars().flat_map(char::to_lowercase);
+        self.typed().chars().flat_map(char::to_lowercase).all(|typed| letters.any(|letter| letter == typed))
+    }
+
+    fn at_place(&self, frames: &[&Frame], slot: &Slot) -> Vec<Item> {
+        match (frames, slot) {
             (_, Slot::After) => Vec::new(),
             ([], Slot::Item) => self.document(),
             ([attribute], Slot::Value(key)) if attribute.opener == SyntaxKind::LBracket => match &*key.text {
@@ -140,8 +159,7 @@ impl Completion<'_> {
             ([_, map], Slot::Value(_)) if map.key() == Some("params") => self.params(),
             ([_, map, node, rest @ ..], slot) if map.key() == Some("nodes") => self.in_node(node, rest, slot),
             _ => Vec::new(),
-        };
-        items.into_iter().take(MAX_ITEMS).map(|item| self.finish(item)).collect()
+        }
     }
 
     /// Returns true if the cursor is between quotes.
@@ -325,7 +343,8 @@ impl Completion<'_> {
         let rate = self.other_rate(id, port.name);
         let mut items = Vec::new();
         self.outputs(self.at.path, "", 0, &mut |link, ty, output, start| {
-            if !output.kind.feeds(&port.kind) || link.split('.').next() == Some(id) && !port.delayed {
+            let is_own = link.split('.').next() == Some(id) && !port.delayed;
+            if !output.kind.feeds(&port.kind) || is_own || !self.fits(link) {
                 return;
             }
             let stream = self.context.stream(self.at.path, link).and_then(|(_, stream)| stream);
@@ -520,7 +539,7 @@ impl Completion<'_> {
             items.push(Item { order, ..self.text(&text, kind, &size) });
         };
         let root = beside(self.at.path, folder);
-        for entry in std::fs::read_dir(root).into_iter().flatten().flatten().take(MAX_ITEMS) {
+        for entry in std::fs::read_dir(root).into_iter().flatten().flatten().take(MAX_FILES) {
             let (name, path) = (entry.file_name(), entry.path());
             let (Some(name), Ok(meta)) = (name.to_str(), path.metadata()) else { continue };
             let fits = match wanted {

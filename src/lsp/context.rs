@@ -4,7 +4,7 @@ use super::analysis::{Analysis, NodeFacts, StreamFacts};
 use super::file::TextFile;
 use super::names::follow;
 use super::workspace::Workspace;
-use crate::cli::plain;
+use crate::docs::plain;
 use crate::live::Levels;
 use foley_nodes::core::ports::PortSpec;
 use foley_nodes::registry::Registry;
@@ -44,7 +44,8 @@ impl Context<'_> {
             let users =
                 self.analyses.values().filter(|a| a.path != path && a.asked.iter().any(|p| p == path));
             let in_user = |user: &Arc<Analysis>| {
-                let used = user.file.uses().find(|used| {
+                let file = self.workspace.file(&user.path)?;
+                let used = file.uses().find(|used| {
                     used.path
                         .as_str()
                         .is_some_and(|named| super::workspace::beside(&user.path, named) == path)

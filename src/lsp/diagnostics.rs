@@ -11,15 +11,18 @@ use lsp_types::{
     DiagnosticRelatedInformation, DiagnosticSeverity, DiagnosticTag, Location, NumberOrString, Range, Uri,
 };
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Maximum number of findings of one file.
 const MAX_FINDINGS: usize = 500;
 
 /// All findings of a graph. Those in a sub-graph stand where the sub-graph is used.
 #[must_use]
-pub fn diagnostics(workspace: &Workspace, analysis: &Analysis) -> Vec<lsp_types::Diagnostic> {
-    let places = Places { workspace, analysis };
+pub fn diagnostics(
+    workspace: &Workspace,
+    analysis: &Analysis,
+    file: &TextFile,
+) -> Vec<lsp_types::Diagnostic> {
+    let places = Places { workspace, analysis, file };
     let findings = analysis.diagnostics.iter().map(|found| places.finding(found));
     let notes = analysis.notes.iter().filter_map(|(node, text)| places.note(node, text));
     findings.chain(notes).take(MAX_FINDINGS).collect()
@@ -65,6 +68,8 @@ fn diagnostic(
 struct Places<'a> {
     workspace: &'a Workspace,
     analysis: &'a Analysis,
+    /// The text that was inspected.
+    file: &'a TextFile,
 }
 
 impl Places<'_> {
@@ -80,15 +85,15 @@ impl Places<'_> {
 
     fn location(&self, at: &SourceLocation) -> Option<Location> {
         let path = self.path(at)?;
-        let file = match self.is_own(at) {
-            true => Arc::clone(&self.analysis.file),
-            false => self.workspace.file(&path)?,
+        let range = match self.is_own(at) {
+            true => self.file.range(&at.span),
+            false => self.workspace.file(&path)?.range(&at.span),
         };
-        Some(Location { uri: uri(self.workspace, &path)?, range: file.range(&at.span) })
+        Some(Location { uri: uri(self.workspace, &path)?, range })
     }
 
     fn finding(&self, found: &Diagnostic) -> lsp_types::Diagnostic {
-        let file = &self.analysis.file;
+        let file = self.file;
         let own = found.location.as_ref().filter(|at| self.is_own(at));
         let mut message = found.message.clone();
         if let Some(help) = &found.help {
@@ -130,7 +135,7 @@ impl Places<'_> {
 
     /// Where the graph uses the sub-graph of a location.
     fn used_at(&self, at: &SourceLocation, node: Option<&str>) -> Range {
-        let (file, path) = (&self.analysis.file, self.path(at));
+        let (file, path) = (self.file, self.path(at));
         let names_it =
             |named: &str| path.as_ref().is_some_and(|path| beside(&self.analysis.path, named) == *path);
         let by_path = file.uses().find(|used| used.path.as_str().is_some_and(names_it));
@@ -143,7 +148,7 @@ impl Places<'_> {
     }
 
     fn note(&self, node: &str, text: &str) -> Option<lsp_types::Diagnostic> {
-        let file = &self.analysis.file;
+        let file = self.file;
         let span = match file.node_entry(node) {
             Some(entry) => entry.key.span(),
             None => file.use_of(node.split('.').next()?)?.entry.key.span(),

@@ -3,7 +3,7 @@
 use super::context::{At, Context, doc, port_line};
 use super::file::{NodeText, TextFile};
 use super::names::{Target, field_of, follow, name_at, type_of};
-use crate::cli::{param_words, port_words};
+use crate::docs::{param_words, port_words};
 use crate::lang::{Span, Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::ParamKind;

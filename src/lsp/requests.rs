@@ -38,8 +38,8 @@ pub fn answer(context: &Context<'_>, method: &str, params: Value) -> Option<Resu
     Some(match method {
         Completion::METHOD => reply::<Completion>(params, |p| {
             let at = requests.place(&p.text_document_position);
-            let items = at.map(|place| complete(context, place.at()));
-            Ok(Some(CompletionResponse::Array(items.unwrap_or_default())))
+            let list = at.map(|place| complete(context, place.at()));
+            Ok(Some(CompletionResponse::List(list.unwrap_or_default())))
         }),
         HoverRequest::METHOD => reply::<HoverRequest>(params, |p| {
             let Some(place) = requests.place(&p.text_document_position_params) else { return Ok(None) };

@@ -216,9 +216,25 @@ impl<'c> Server<'c> {
             lines = Some(());
             text.replace_range(span, &new);
         }
+        // The findings of a graph are looked for while its text is parsed here.
+        let is_graph = open.file.is_graph();
+        if is_graph {
+            self.request(&path, text_document.version, Some(&text));
+        }
         self.workspace.set(&text_document.uri, text_document.version, text);
-        self.inspect(&path);
+        let still_graph = self.workspace.open_file(&path).is_some_and(|open| open.file.is_graph());
+        if !is_graph || !still_graph {
+            self.inspect(&path);
+        }
         self.inspect_users(&path);
+    }
+
+    /// Requests the findings of a graph; `newest` is its text if the workspace does not have it yet.
+    fn request(&self, path: &Path, version: i32, newest: Option<&str>) {
+        if let Some(analyst) = &self.analyst {
+            let texts = self.workspace.texts(newest.map(|text| (path, text)));
+            analyst.request(Inspect { path: path.to_owned(), version, texts });
+        }
     }
 
     /// Requests the findings of an open file.
@@ -229,14 +245,7 @@ impl<'c> Server<'c> {
             self.publish(PublishDiagnosticsParams::new(open.uri.clone(), found, Some(open.version)));
             return;
         }
-        if let Some(analyst) = &self.analyst {
-            analyst.request(Inspect {
-                path: path.to_owned(),
-                file: Arc::clone(&open.file),
-                version: open.version,
-                texts: self.workspace.texts(),
-            });
-        }
+        self.request(path, open.version, None);
     }
 
     /// Requests the findings of the open graphs that use a file.
@@ -246,17 +255,18 @@ impl<'c> Server<'c> {
     }
 
     fn on_analysis(&mut self, mut analysis: Analysis) {
-        let Some(open) = self.workspace.open_file(&analysis.path) else { return };
-        let is_new = open.version == analysis.version;
-        if is_new {
-            let found = diagnostics(&self.workspace, &analysis);
+        let open = self.workspace.open_file(&analysis.path).filter(|open| open.file.is_graph());
+        let Some(open) = open else { return };
+        let file = Arc::clone(&open.file);
+        if open.version == analysis.version {
+            let found = diagnostics(&self.workspace, &analysis, &file);
             let uri = open.uri.clone();
             self.publish(PublishDiagnosticsParams::new(uri, found, Some(analysis.version)));
         }
         // What was known of nodes stays while the text is half-typed.
         if let Some(before) = self.analyses.get(&analysis.path) {
             for (id, facts) in &before.nodes {
-                let is_same = analysis.file.node(id).is_some_and(|node| node.ty.value == facts.ty.name);
+                let is_same = file.node(id).is_some_and(|node| node.ty.value == facts.ty.name);
                 if is_same || id.contains('.') {
                     analysis.nodes.entry(id.clone()).or_insert_with(|| facts.clone());
                 }

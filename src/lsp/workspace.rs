@@ -92,11 +92,14 @@ impl Workspace {
         layers
     }
 
-    /// The texts of the open files, for loading graphs.
+    /// The texts of the open files, for loading graphs; `newest` replaces that of one of them.
     #[must_use]
-    pub fn texts(&self) -> Arc<Texts> {
+    pub fn texts(&self, newest: Option<(&Path, &str)>) -> Arc<Texts> {
         let texts = Texts::default();
-        self.open.iter().for_each(|(path, open)| texts.set(path, &*open.file.text));
+        for (path, open) in &self.open {
+            let newest = newest.filter(|(of, _)| of == path).map(|(_, text)| text);
+            texts.set(path, newest.unwrap_or(&open.file.text));
+        }
         Arc::new(texts)
     }
 

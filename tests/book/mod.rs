@@ -4,3 +4,4 @@ mod examples;
 mod levels;
 mod pages;
 mod presets;
+mod tutorials;

@@ -51,7 +51,15 @@ fn blows_from_lines_and_from_osc_are_heard_in_the_file_that_was_played() {
     let packet = rosc::encoder::encode(&rosc::OscPacket::Message(message)).unwrap();
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     socket.send_to(&packet, ("127.0.0.1", port)).unwrap();
+    // Other programs read the levels beside the graph while it plays.
+    let main = folder.path().join("main.ron");
+    let levels = (0..60).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(25));
+        foley::live::Levels::beside(&main)
+    });
+    assert!(levels.is_some_and(|levels| levels.played > 0.5));
     assert!(child.wait().unwrap().success());
+    assert_eq!(foley::live::Levels::beside(&main), None);
     let (heard, rate) = samples(&folder.path().join("played.wav"));
     assert!((heard.len() as f64 / f64::from(rate) - 3.0).abs() < 1.0, "{} samples", heard.len());
     let mut blows = 0;

@@ -1,6 +1,7 @@
 //! The language server, by its messages.
 
 mod actions;
+mod damaged;
 mod editor;
 mod reading;
 mod typing;

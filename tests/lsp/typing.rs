@@ -123,7 +123,7 @@ fn links_of_another_rate_come_last() {
     let text = graph(nodes);
     editor.open("m.ron", &text.replacen('|', "", 1));
     let found = editor.request("textDocument/completion", editor.at("m.ron", &text));
-    let found = found.as_array().unwrap();
+    let found = found["items"].as_array().unwrap();
     assert_eq!(labels(found), ["b", "c", "a"]);
     let b = found.iter().find(|item| item["label"] == "b").unwrap();
     assert!(b["detail"].as_str().unwrap().contains("48000 Hz, mono"), "{b}");

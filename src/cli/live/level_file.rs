@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 /// Interval between two states of the file.
 const INTERVAL: Duration = Duration::from_secs(1);
+/// Level of a meter that reads nothing, dB.
+const LOWEST: f64 = -200.0;
 
 /// Writes the levels of a graph that plays once a second.
 #[derive(Debug)]
@@ -17,7 +19,7 @@ pub(super) struct LevelFile {
     written: Instant,
     /// Peak since then.
     peak: f32,
-    /// The last reading of each meter: peak and root mean square, dB.
+    /// Peak of each meter since then, and its last root mean square, dB.
     meters: BTreeMap<String, (f64, f64)>,
 }
 
@@ -32,10 +34,10 @@ impl LevelFile {
     pub fn add(&mut self, peak: f32, readings: &[MeterReadings], played: f64) {
         self.peak = self.peak.max(peak);
         for meter in readings {
-            if let Some(last) = meter.readings.last() {
-                let level =
-                    (linear_to_db(f64::from(last.peak)).max(-200.0), linear_to_db(last.rms).max(-200.0));
-                self.meters.insert(meter.name.clone(), level);
+            for reading in &meter.readings {
+                let level = self.meters.entry(meter.name.clone()).or_insert((LOWEST, LOWEST));
+                level.0 = level.0.max(linear_to_db(f64::from(reading.peak)));
+                level.1 = linear_to_db(reading.rms).max(LOWEST);
             }
         }
         if self.written.elapsed() < INTERVAL {
