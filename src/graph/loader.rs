@@ -562,7 +562,7 @@ impl Loader {
             _ => {
                 let removes = value.value == ValueKind::Option(None);
                 let is_known = || self.nodes.iter().any(|node| node.id == id && node.location.file != file);
-                if !value.is_error() && !(removes && is_known()) {
+                if !(value.is_error() || removes && is_known()) {
                     let message =
                         format!("a node is NodeType(field: value, ...), found {}", value.describe());
                     self.found.push(Diagnostic::error("F010", message, at(value.span())).node(&id));

@@ -194,9 +194,10 @@ impl Completion<'_> {
         };
         let snippet = item.snippet && self.context.snippets;
         let new_text = if item.snippet && !snippet { without_stops(&item.insert) } else { item.insert };
-        let doc = (!item.doc.is_empty()).then(|| {
-            Documentation::MarkupContent(MarkupContent { kind: MarkupKind::Markdown, value: item.doc })
-        });
+        let doc = (!item.doc.is_empty()).then_some(Documentation::MarkupContent(MarkupContent {
+            kind: MarkupKind::Markdown,
+            value: item.doc,
+        }));
         CompletionItem {
             filter_text: Some(item.label.clone()),
             sort_text: Some(format!("{}{}", item.order, item.label)),

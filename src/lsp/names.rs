@@ -227,7 +227,7 @@ impl Names<'_> {
                     let target = Target::Param(owner, name.to_owned());
                     self.add(span.start + 1..span.end, target, false);
                 }
-                None if links => self.path(&self.path.to_owned(), text, span.start),
+                None if links => self.path(self.path, text, span.start),
                 _ => {}
             }
         });

@@ -85,8 +85,7 @@ fn is_node(name: Option<&SyntaxNode>) -> bool {
 /// The parts of a text in quotes: names, and what is between them.
 fn string(span: &Span, names: &HashMap<usize, &Occurrence>, found: &mut Vec<(Span, u32, u32)>) {
     let mut at = span.start;
-    let mut next = (span.start + 1..span.end).filter_map(|at| names.get(&at)).peekable();
-    while let Some(name) = next.next() {
+    for name in (span.start + 1..span.end).filter_map(|at| names.get(&at)) {
         let kind = match name.target {
             Target::Node(..) | Target::Use(..) | Target::Port(..) => VARIABLE,
             Target::Param(..) => PARAMETER,

@@ -189,7 +189,7 @@ pub(super) fn not_an_item(text: &str) -> EditError {
 }
 
 fn container_at(parse: &Parse, span: &Span) -> Result<(Brackets, Vec<Span>), EditError> {
-    let found = parse.values_at(span).iter().filter_map(items).last();
+    let found = parse.values_at(span).iter().rev().find_map(items);
     found.ok_or_else(|| EditError::NoValue(span.clone()))
 }
 
