@@ -34,11 +34,11 @@ fn print(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
         write!(stdout(), "{text}")?;
         return Ok(Exit::Done);
     }
-    let near = all.iter().filter(|(page, title)| {
-        let word = name.to_lowercase();
-        page.contains(&word) || title.to_lowercase().contains(&word)
-    });
-    let near: Vec<&str> = near.map(|(page, _)| page.as_str()).collect();
+    let word = name.to_lowercase();
+    let near =
+        all.iter().filter(|(page, title)| page.contains(&word) || title.to_lowercase().contains(&word));
+    let mut near: Vec<&str> = near.map(|(page, _)| page.as_str()).collect();
+    near.sort_by_key(|page| !page.starts_with(&word));
     let help = if near.is_empty() {
         "`foley docs` lists all".to_owned()
     } else {

@@ -64,7 +64,7 @@ impl Extremes {
 
 /// The numbers of a stream over time, one line for each channel and column, or group of them.
 ///
-/// A line has at most [`MAX_INTERVALS`] intervals, each with its smallest and largest number, so that no peak is lost.
+/// A line has at most a fixed number of intervals, each with its smallest and largest number, so that no peak is lost.
 #[derive(Debug)]
 pub struct StreamChart {
     title: String,

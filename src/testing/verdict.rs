@@ -68,7 +68,7 @@ fn stream(recording: &Recording) -> Result<&Samples, Verdict> {
 }
 
 /// Compares an output with a check that needs nothing but that output: all but [`Kind::SameAs`], [`Kind::Stored`], [`Kind::Repeats`] and
-/// [`Kind::SameForSeeds`], which are [`same_samples`] and comparisons of digests.
+/// [`Kind::SameForSeeds`], which are `same_samples` and comparisons of digests.
 #[must_use]
 pub fn judge(check: &Check, recording: &Recording) -> Verdict {
     compare(check, recording).unwrap_or_else(|verdict| verdict)

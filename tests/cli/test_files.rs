@@ -208,3 +208,22 @@ fn mistakes_in_a_graph_or_a_test_file_end_with_2_and_leave_the_other_cases() {
     let missing = foley(dir.path(), &["g.ron"]);
     assert!(missing.status.code() == Some(2) && text(&missing).contains("g.test.ron"), "{}", text(&missing));
 }
+
+#[test]
+fn check_finds_the_mistakes_of_a_test_file() {
+    let dir = project("\"a\": Case(outputs: { \"o.wav\": [Peek(db: -1.0)] })");
+    let check = |file: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
+        command.current_dir(dir.path()).env("NO_COLOR", "1").args(["check", file]).output().unwrap()
+    };
+    let found = check("g.test.ron");
+    assert_eq!(found.status.code(), Some(2));
+    assert!(
+        text(&found).contains("F086") && text(&found).contains("did you mean `Peak`?"),
+        "{}",
+        text(&found)
+    );
+    let right = fs::read_to_string(dir.path().join("g.test.ron")).unwrap().replace("Peek", "Peak");
+    fs::write(dir.path().join("g.test.ron"), right).unwrap();
+    assert_eq!(check("g.test.ron").status.code(), Some(0));
+}
