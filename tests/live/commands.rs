@@ -53,7 +53,7 @@ fn blows_from_lines_and_from_osc_are_heard_in_the_file_that_was_played() {
     socket.send_to(&packet, ("127.0.0.1", port)).unwrap();
     // Other programs read the levels beside the graph while it plays.
     let main = folder.path().join("main.ron");
-    let levels = (0..60).find_map(|_| {
+    let levels = (0..120).find_map(|_| {
         std::thread::sleep(Duration::from_millis(25));
         foley::live::Levels::beside(&main)
     });
