@@ -7,14 +7,13 @@ use super::run::{show, write_whole};
 use crate::diag::{self, Diagnostic, Sources};
 use crate::lang::edit::{TextEdit, apply, set_field};
 use crate::lang::parse;
-use crate::run::DirOutputs;
 use crate::testing::{Case, CheckResult, Runner, Stored, TestFile, run, test_file_of};
 use anyhow::Context as _;
 use foley_nodes::registry::Registry;
 use serde_json::{Value, json};
 use std::fs;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// The results so far.
@@ -160,7 +159,7 @@ fn test_file(
                     report(args, (file, sources, case), &result, stored.is_some(), tally)?;
                     match stored {
                         Some(Stored::Digest(span, digest)) => edits.push((span, digest)),
-                        Some(Stored::File(path, bytes)) => write_bytes(&path, &bytes)?,
+                        Some(Stored::File(path, bytes)) => write_whole(&path, &bytes)?,
                         None => {}
                     }
                 }
@@ -208,15 +207,6 @@ fn report(
     Ok(())
 }
 
-/// Writes a file under a temporary name and moves it to its place.
-fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let outputs = DirOutputs::new(".");
-    let mut file = outputs.create_at(path).map_err(|e| anyhow::anyhow!(e.message))?;
-    file.write_all(bytes).and_then(|()| file.flush()).with_context(|| path.display().to_string())?;
-    drop(file);
-    outputs.commit().with_context(|| path.display().to_string())
-}
-
 /// Sets the digests of checks in the test file; comments and layout stay.
 fn store_digests(file: &TestFile, digests: &[(std::ops::Range<usize>, String)]) -> anyhow::Result<()> {
     if digests.is_empty() {
@@ -230,5 +220,5 @@ fn store_digests(file: &TestFile, digests: &[(std::ops::Range<usize>, String)]) 
         digests.iter().map(edit).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
     // A link stays a link.
     let real = fs::canonicalize(&file.path).with_context(|| file.path.display().to_string())?;
-    write_whole(&real, &apply(&file.text, &edits)?)
+    write_whole(&real, apply(&file.text, &edits)?)
 }

@@ -4,7 +4,7 @@ use super::Exit;
 use super::args::{Args, CompletionsArgs, ExplainArgs, FmtArgs, UpgradeArgs};
 use super::console::stdout;
 use super::run::{show, write_whole};
-use crate::diag::{Diagnostic, SourceLocation, Sources, codes};
+use crate::diag::{Diagnostic, Sources, codes};
 use crate::graph::{self, Limits, nearest, read_text};
 use crate::lang::SyntaxError;
 use crate::lang::fmt::format;
@@ -48,12 +48,8 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
 fn show_syntax(name: &str, text: String, errors: &[SyntaxError]) {
     let mut sources = Sources::default();
     let file = sources.add(name, text);
-    let one = |e: &SyntaxError| {
-        let mut d = Diagnostic::error("F001", &e.message, SourceLocation { file, span: e.span.clone() });
-        d.help = e.expected.as_ref().map(|x| format!("expected {x}"));
-        d
-    };
-    show(&errors.iter().map(one).collect::<Vec<_>>(), &sources);
+    let found: Vec<Diagnostic> = errors.iter().map(|e| Diagnostic::of_syntax(e, file)).collect();
+    show(&found, &sources);
 }
 
 /// Changes graph files of older versions to the present node types and fields.

@@ -7,6 +7,7 @@ mod render;
 pub use fix::{Change, Fix};
 pub use render::{json, plain, render};
 
+use crate::lang::{ErrorKind, SyntaxError};
 use foley_nodes::core::fault::{Fault, Reject};
 use foley_nodes::core::time::{Tick, seconds};
 use std::collections::HashMap;
@@ -93,6 +94,23 @@ impl Diagnostic {
             time: None,
             fixes: Vec::new(),
         }
+    }
+
+    /// A syntax error of a file, with its correction where there is only one.
+    #[must_use]
+    pub fn of_syntax(error: &SyntaxError, file: usize) -> Self {
+        let location = SourceLocation { file, span: error.span.clone() };
+        let mut diagnostic = Self::error("F001", &error.message, location.clone());
+        diagnostic.help = error.expected.as_ref().map(|expected| format!("expected {expected}"));
+        let fix = match error.code {
+            ErrorKind::MissingComma => Some(Fix::replace("insert `,`", location, ",")),
+            ErrorKind::MissingColon if error.span.is_empty() => {
+                Some(Fix::replace("insert `:`", location, ":"))
+            }
+            ErrorKind::StrayBracket => Some(Fix::replace("remove the bracket", location, "")),
+            _ => None,
+        };
+        diagnostic.fixes(fix)
     }
 
     /// A node's rejection at the place of the field that it names.

@@ -4,7 +4,6 @@ use super::Graph;
 use super::suggest::nearest;
 use crate::diag::{Change, Fix, SourceLocation, Sources};
 use crate::lang::edit::quote;
-use crate::lang::{ErrorKind, SyntaxError};
 use foley_nodes::core::params::{Bounds, ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortKind};
 use foley_nodes::core::time::Rate;
@@ -12,17 +11,6 @@ use foley_nodes::registry::Registry;
 
 /// Maximum number of alternatives that are offered.
 const MAX_CHOICES: usize = 8;
-
-/// The correction of a syntax error, where there is only one.
-pub(super) fn syntax(error: &SyntaxError, file: usize) -> Option<Fix> {
-    let at = SourceLocation { file, span: error.span.clone() };
-    match error.code {
-        ErrorKind::MissingComma => Some(Fix::replace("insert `,`", at, ",")),
-        ErrorKind::MissingColon if error.span.is_empty() => Some(Fix::replace("insert `:`", at, ":")),
-        ErrorKind::StrayBracket => Some(Fix::replace("remove the bracket", at, "")),
-        _ => None,
-    }
-}
 
 /// Replaces a name by the nearest of those that exist.
 pub(super) fn rename<'a>(

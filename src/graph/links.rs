@@ -126,29 +126,11 @@ pub(super) fn link(
     let full = format!("{}{}", raw.scope, raw.text);
     let (node, port) = match by_id.get(full.as_str()) {
         Some(&node) => (node, None),
-        None => {
-            match full.rsplit_once('.').and_then(|(id, port)| Some((*by_id.get(id)?, port))) {
-                Some((node, port)) => (node, Some(port.to_owned())),
-                None if loader.lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
-                None => {
-                    let id = raw.text.split('.').next().unwrap_or_default();
-                    let first = |(k, n): &(usize, &RawNode)| by_id.get(n.id.as_str()) == Some(k);
-                    let nodes = nodes.iter().enumerate().filter(first);
-                    let names = nodes.filter_map(|(_, n)| n.id.strip_prefix(raw.scope.as_str()));
-                    let message = format!("there is no node `{}`", raw.text);
-                    let best: Vec<&str> = names.collect();
-                    let found = if best.contains(&id) { raw.text.as_str() } else { id };
-                    let rest = raw.text.strip_prefix(found).unwrap_or_default();
-                    let written = |id: &str| quote(&format!("{id}{rest}"));
-                    let fix = fixes::rename(found, best.iter().copied(), &raw.location, written);
-                    let help = match raw.text.contains('*') {
-                    true => "`*` stands for all items of an array of sub-graphs, in an input that takes a list".into(),
-                    false => help(found, "nodes", best),
-                };
-                    return Err(error("F020", message).help(help).fixes(fix));
-                }
-            }
-        }
+        None => match full.rsplit_once('.').and_then(|(id, port)| Some((*by_id.get(id)?, port))) {
+            Some((node, port)) => (node, Some(port.to_owned())),
+            None if loader.lost.iter().any(|prefix| full.starts_with(prefix)) => return Ok(None),
+            None => return Err(unknown_node(raw, nodes, by_id)),
+        },
     };
     let Some(checked_node) = &checked[node] else { return Ok(None) };
     let ty = &checked_node.ty;
@@ -210,6 +192,24 @@ pub(super) fn link(
         });
     }
     Ok(Some(Link { node, port: at, location: raw.location.clone() }))
+}
+
+/// A link to a node that does not exist.
+fn unknown_node(raw: &RawLink, nodes: &[RawNode], by_id: &HashMap<&str, usize>) -> Diagnostic {
+    let error = Diagnostic::error("F020", format!("there is no node `{}`", raw.text), raw.location.clone());
+    if raw.text.contains('*') {
+        return error
+            .help("`*` stands for all items of an array of sub-graphs, in an input that takes a list");
+    }
+    let id = raw.text.split('.').next().unwrap_or_default();
+    let first = |(k, n): &(usize, &RawNode)| by_id.get(n.id.as_str()) == Some(k);
+    let nodes = nodes.iter().enumerate().filter(first);
+    let names: Vec<&str> = nodes.filter_map(|(_, n)| n.id.strip_prefix(raw.scope.as_str())).collect();
+    let found = if names.contains(&id) { raw.text.as_str() } else { id };
+    let rest = raw.text.strip_prefix(found).unwrap_or_default();
+    let written = |id: &str| quote(&format!("{id}{rest}"));
+    let fix = fixes::rename(found, names.iter().copied(), &raw.location, written);
+    error.help(help(found, "nodes", names)).fixes(fix)
 }
 
 fn kind_words(kind: &PortKind) -> String {

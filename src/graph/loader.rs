@@ -344,13 +344,7 @@ impl Loader {
     fn layer(&mut self, name: &str, text: String, folder: PathBuf) -> Option<Layer> {
         let parsed = lang::parse(&text);
         let file = self.sources.add(name, text);
-        for e in parsed.errors() {
-            let mut diagnostic =
-                Diagnostic::error("F001", &e.message, SourceLocation { file, span: e.span.clone() });
-            diagnostic.help = e.expected.as_ref().map(|expected| format!("expected {expected}"));
-            diagnostic.fixes.extend(fixes::syntax(e, file));
-            self.found.push(diagnostic);
-        }
+        self.found.extend(parsed.errors().iter().map(|e| Diagnostic::of_syntax(e, file)));
         let document = parsed.document();
         let at = |span: std::ops::Range<usize>| SourceLocation { file, span };
         match document.attribute("schema") {

@@ -3,10 +3,10 @@
 use super::file::{NodeText, TextFile};
 use super::names::{Target, names};
 use super::workspace::{Workspace, beside};
-use crate::graph::SCHEMA;
-use crate::lang::edit::{TextEdit, apply, quote};
+use crate::graph::{SCHEMA, free_id};
+use crate::lang::Span;
+use crate::lang::edit::{TextEdit, apply, insert_item, quote};
 use crate::lang::fmt::format;
-use crate::lang::{Span, ast::Entry};
 use foley_nodes::registry::Registry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -46,6 +46,11 @@ pub fn extract(
         return None;
     }
     let ids: BTreeSet<&str> = moved.iter().map(|node| node.id).collect();
+    // What changes a node of a graph that is extended has its meaning in this graph alone.
+    let layers = workspace.layers(path);
+    if layers.iter().skip(1).any(|(_, base)| ids.iter().any(|id| base.node_entry(id).is_some())) {
+        return None;
+    }
     let (name, target) = free_name(path, file)?;
     let block = block(file, &first.entry.span, &last.entry.span);
     let (mut inside, mut outside) = (Vec::new(), Vec::new());
@@ -54,18 +59,19 @@ pub fn extract(
         let at = found.span.start;
         let here = at >= block.start && at < block.end;
         match &found.target {
-            Target::Node(of, id) | Target::Use(of, id)
-                if of == path && here && !ids.contains(id.as_str()) =>
+            // The first name of a link is that of a node or sub-graph of this graph, or of one that it extends.
+            Target::Node(_, id) | Target::Use(_, id)
+                if here && file.text[..at].ends_with('"') && !ids.contains(id.as_str()) =>
             {
                 // The whole link becomes a parameter, with a name made of it.
                 let start = file.text[..at].rfind('"')?;
                 let end = at + file.text[at..].find('"')? + 1;
                 let link = &file.text[start + 1..end - 1];
-                let param = free_param(&link.replace('.', "_"), link, file, &params);
+                let param = free_param(&link.replace(['.', '*'], "_"), link, file, &params);
                 params.insert(param.clone(), link.to_owned());
                 inside.push(TextEdit { span: start..end, new_text: quote(&format!("${param}")) });
             }
-            Target::Param(of, param) if of == path && here => {
+            Target::Param(_, param) if here => {
                 params.insert(param.clone(), format!("${param}"));
             }
             Target::Node(of, id) if of == path && !here && ids.contains(id.as_str()) => {
@@ -82,7 +88,7 @@ pub fn extract(
     let required: String = params.keys().map(|name| format!("{}: Required,\n", quote(name))).collect();
     let required = if required.is_empty() { String::new() } else { format!("params: {{\n{required}}},\n") };
     let text = format!("#![schema = {}]\nGraph(\n{required}nodes: {{\n{body}\n}},\n)\n", quote(SCHEMA));
-    let text = format_or(&text)?;
+    let text = format(&text).ok()?;
     let given: Vec<String> =
         params.iter().map(|(name, value)| format!("{}: {}", quote(name), quote(value))).collect();
     let file_name = quote(target.file_name()?.to_str()?);
@@ -92,14 +98,9 @@ pub fn extract(
     };
     let mut edits = outside;
     edits.push(TextEdit { span: block, new_text: String::new() });
-    edits.push(use_entry(file, &format!("{}: {value}", quote(&name)))?);
+    edits.extend(use_entry(file, &format!("{}: {value}", quote(&name)))?);
     edits.sort_by_key(|edit| (edit.span.start, edit.span.end));
     Some(Extraction { path: target, text, edits, nodes: moved.len() })
-}
-
-/// A text as the formatter lays it out; `None` if it is not RON.
-fn format_or(text: &str) -> Option<String> {
-    format(text).ok()
 }
 
 /// The text of some entries: from the first line of comments above them to the comma after the last.
@@ -143,31 +144,20 @@ fn free_name(path: &Path, file: &TextFile) -> Option<(String, PathBuf)> {
 
 /// A name for the parameter that stands for a link: the same for the same link.
 fn free_param(base: &str, link: &str, file: &TextFile, params: &BTreeMap<String, String>) -> String {
-    let numbered = (2..).map(|k| format!("{base}_{k}"));
-    let is_free = |name: &String| match params.get(name) {
-        Some(value) => value == link,
+    free_id(base, |name| match params.get(name) {
+        Some(value) => value != link,
         // A parameter of the graph of that name may be read by the nodes too.
-        None => file.param(name).is_none(),
-    };
-    std::iter::once(base.to_owned()).chain(numbered).find(is_free).unwrap_or_default()
+        None => file.param(name).is_some(),
+    })
 }
 
-/// The edit that adds an entry to the sub-graphs that a graph uses.
-fn use_entry(file: &TextFile, entry: &str) -> Option<TextEdit> {
+/// The edits that add an entry to the sub-graphs that a graph uses.
+fn use_entry(file: &TextFile, entry: &str) -> Option<Vec<TextEdit>> {
     let graph = file.document.value.as_ref()?;
-    let last = |entries: &[Entry]| entries.last().map(|entry| entry.span.end);
     if let Some(map) = graph.field("use") {
-        let entries = file.entries("use");
-        return match last(entries) {
-            Some(end) => Some(TextEdit { span: end..end, new_text: format!(", {entry}") }),
-            None => Some(TextEdit { span: map.span(), new_text: format!("{{{entry}}}") }),
-        };
+        return insert_item(&file.parse, map.span(), file.entries("use").len(), entry).ok();
     }
     let (_, fields) = graph.as_struct()?;
-    let nodes = fields.iter().find(|field| field.name.value == "nodes")?;
-    let at = nodes.span.start;
-    let line = file.text[..at].rfind('\n').map_or(0, |line| line + 1);
-    let indent = &file.text[line..at];
-    let space = if indent.trim().is_empty() { format!("\n{indent}") } else { " ".to_owned() };
-    Some(TextEdit { span: at..at, new_text: format!("use: {{{entry}}},{space}") })
+    let nodes = fields.iter().position(|field| field.name.value == "nodes")?;
+    insert_item(&file.parse, graph.span(), nodes, &format!("use: {{{entry}}}")).ok()
 }

@@ -41,7 +41,7 @@ pub struct Occurrence {
 }
 
 /// Finds the names of one file.
-pub struct Names<'a> {
+struct Names<'a> {
     workspace: &'a Workspace,
     registry: &'a Registry,
     path: &'a Path,

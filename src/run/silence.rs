@@ -17,7 +17,7 @@ pub type Output = (usize, usize);
 pub type Activity<'a> = &'a dyn Fn(Output) -> Option<bool>;
 
 /// The output that a link comes from.
-fn output(link: &Link) -> Output {
+pub(super) fn output(link: &Link) -> Output {
     (link.node, link.port)
 }
 

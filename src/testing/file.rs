@@ -117,11 +117,7 @@ impl Reader<'_> {
 
     fn read(mut self) -> Result<Vec<Case>, Vec<Diagnostic>> {
         let parsed = lang::parse(self.text);
-        for e in parsed.errors() {
-            let found = Diagnostic::error("F001", &e.message, self.at(e.span.clone()));
-            let help = e.expected.as_ref().map(|expected| format!("expected {expected}"));
-            self.errors.push(Diagnostic { help, ..found });
-        }
+        self.errors.extend(parsed.errors().iter().map(|e| Diagnostic::of_syntax(e, self.file)));
         let document = parsed.document();
         let right = Some(format!("begin with #![schema = {SCHEMA:?}]"));
         match document.attribute("schema") {

@@ -157,3 +157,35 @@ Graph(
     assert!(before.len() > 1000 && before.iter().any(|x| x.abs() > 0.01));
     assert_eq!(before, after);
 }
+
+#[test]
+fn links_to_a_graph_that_is_extended_become_parameters_of_what_is_extracted() {
+    let mut editor = Editor::new();
+    let head = "#![schema = \"foley:graph/1\"]\n";
+    editor.write(
+        "base.ron",
+        format!("{head}Graph(params: {{\"level\": 0.5}}, nodes: {{\"in\": Tone(duration: Some(0.1))}})\n"),
+    );
+    let text = format!(
+        "{head}Graph(\n    extends: \"base.ron\",\n    nodes: {{\n        \"in\": Tone(frequency: 300.0),\n        \"soft\": Gain(audio: \"in\", gain: \"$level\"),\n        \"out\": WavOut(audio: \"soft\", path: \"o.wav\"),\n    }},\n)\n"
+    );
+    assert!(editor.open("more.ron", &text).iter().all(|d| d["severity"] != 1));
+    let extract = |editor: &mut Editor, part: &str| {
+        let document = json!({"uri": editor.uri("more.ron")});
+        let params =
+            json!({"textDocument": document, "range": range(&text, part), "context": {"diagnostics": []}});
+        let actions = editor.request("textDocument/codeAction", params);
+        actions.as_array().unwrap().iter().find(|a| a["kind"] == "refactor.extract").cloned()
+    };
+    let action = extract(&mut editor, "\"soft\": Gain").unwrap();
+    let changes = action["edit"]["documentChanges"].as_array().unwrap();
+    let inner = changes[1]["edits"][0]["newText"].as_str().unwrap();
+    assert!(inner.contains("audio: \"$in\"") && inner.contains("\"level\": Required"), "{inner}");
+    let outer = edited(&text, &changes[2]["edits"]);
+    assert!(outer.contains("params: {\"in\": \"in\", \"level\": \"$level\"}"), "{outer}");
+    editor.write("more_part.ron", inner);
+    editor.write("after.ron", &outer);
+    Session::from_file(editor.path("after.ron")).render_to_memory().unwrap();
+    // What changes a node of the other graph has its meaning in this one alone.
+    assert!(extract(&mut editor, "\"in\": Tone(frequency").is_none());
+}

@@ -166,11 +166,6 @@ pub struct SilenceTrace {
     pub outputs: Vec<TracedOutput>,
 }
 
-/// The output that a link comes from.
-fn source(link: &Link) -> Output {
-    (link.node, link.port)
-}
-
 /// The links of a node over which streams or events run, with the names of their inputs.
 fn links(graph: &Graph, n: usize) -> impl Iterator<Item = (&'static str, &Link)> {
     let node = &graph.nodes[n];
@@ -228,7 +223,7 @@ impl Trace {
         let mut outputs = Vec::new();
         for (n, node) in graph.nodes.iter().enumerate().filter(|(_, node)| node.ty.outputs.is_empty()) {
             let all: Vec<(&'static str, Output)> =
-                links(graph, n).map(|(name, link)| (name, source(link))).collect();
+                links(graph, n).map(|(name, link)| (name, silence::output(link))).collect();
             if !all.is_empty() {
                 let path = written(&node.ty, &*node.params).map(|(_, path)| path).next();
                 outputs.push(reading.output(path.unwrap_or_else(|| node.id.clone()), &all, Some(n)));
@@ -337,7 +332,7 @@ impl Reading<'_> {
             let node = &self.graph.nodes[n];
             let active = (0..node.ty.outputs.len()).any(|port| self.is_active((n, port)) == Some(true));
             let mixes = node.ty.inputs.iter().zip(&node.links).filter(|(spec, _)| is_mix(spec) && active);
-            let silent = mixes.flat_map(|(_, links)| links).map(source);
+            let silent = mixes.flat_map(|(_, links)| links).map(silence::output);
             let silent = silent.filter(|input| self.is_active(*input) == Some(false));
             losses.extend(silent.flat_map(|input| self.losses(input, Extent::Part, None)));
         }
@@ -352,7 +347,9 @@ impl Reading<'_> {
             Step {
                 node: self.graph.nodes[n].id.clone(),
                 kind: self.graph.nodes[n].ty.name,
-                inputs: links(self.graph, n).filter_map(|(port, link)| level((port, source(link)))).collect(),
+                inputs: links(self.graph, n)
+                    .filter_map(|(port, link)| level((port, silence::output(link))))
+                    .collect(),
                 outputs: outputs.filter_map(|(port, spec)| carried(n, port, spec)).collect(),
             }
         };
