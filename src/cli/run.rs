@@ -107,7 +107,10 @@ pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyho
 }
 
 /// Writes a file under a temporary name and moves it to its place.
-pub(super) fn write_whole(path: &std::path::Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+pub(super) fn write_whole(
+    path: &std::path::Path,
+    content: &(impl AsRef<[u8]> + ?Sized),
+) -> anyhow::Result<()> {
     use anyhow::Context as _;
     let outputs = DirOutputs::new(".");
     let mut file = outputs.create_at(path).map_err(|e| anyhow::anyhow!(e.message))?;

@@ -220,5 +220,5 @@ fn store_digests(file: &TestFile, digests: &[(std::ops::Range<usize>, String)]) 
         digests.iter().map(edit).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
     // A link stays a link.
     let real = fs::canonicalize(&file.path).with_context(|| file.path.display().to_string())?;
-    write_whole(&real, apply(&file.text, &edits)?)
+    write_whole(&real, &apply(&file.text, &edits)?)
 }
