@@ -161,7 +161,7 @@ fn clip(location: &SourceLocation, text: &str) -> Range<usize> {
     start..floor(location.span.end).max(start)
 }
 
-/// An array of `{code, severity, message, file, line, column, end_line, end_column, node, help}`.
+/// An array of `{code, severity, message, file, line, column, end_line, end_column, node, help, fixes}`.
 #[must_use]
 pub fn json(diagnostics: &[Diagnostic], sources: &Sources) -> Value {
     let mut parsed = HashMap::new();
