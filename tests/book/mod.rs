@@ -1,7 +1,8 @@
 //! The pages of the book, the example graphs and the presets.
 
 mod examples;
+mod follows;
 mod levels;
 mod pages;
 mod presets;
-mod tutorials;
+mod reader;
