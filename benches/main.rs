@@ -5,6 +5,7 @@
 mod budget;
 mod common;
 mod engine;
+mod growth;
 mod live;
 mod lsp;
 mod memo;
@@ -13,9 +14,10 @@ mod sheet;
 
 type Bench = (&'static str, fn());
 
-const BENCHES: [Bench; 7] = [
+const BENCHES: [Bench; 8] = [
     ("budget", budget::bench),
     ("engine", engine::bench),
+    ("growth", growth::bench),
     ("live", live::bench),
     ("lsp", lsp::bench),
     ("memo", memo::bench),

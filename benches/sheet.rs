@@ -183,10 +183,8 @@ fn sleep(folder: &Path) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/cloth/two_materials.ron");
     for id in ["itself_units", "cover_units"] {
         let run = |keep: bool| {
-            let sets = [("selector", keep), ("audio", keep)].map(|(node, keep)| Override {
-                target: format!("{id}.{node}.keep_room_tone"),
-                value: keep.to_string(),
-            });
+            let sets =
+                [Override { target: format!("{id}.selector.keep_room_tone"), value: keep.to_string() }];
             let (_, report) = crate::common::run_file(&path, &sets, folder, None);
             let node = report.nodes.iter().find(|n| n.id == format!("{id}.selector"));
             node.map_or((0.0, 0.0), |n| {

@@ -23,6 +23,9 @@ pub struct Levels {
     pub out: Option<f64>,
     /// Peak and root mean square of each meter, by its name.
     pub meters: BTreeMap<String, (f64, f64)>,
+    /// Peak of each node with audio, by its id, dB; `None` for silence.
+    #[serde(default)]
+    pub nodes: BTreeMap<String, Option<f64>>,
 }
 
 impl Levels {
@@ -58,17 +61,16 @@ impl Levels {
         let _ = fs::remove_file(Self::path(graph));
     }
 
-    /// The level of a meter in words, or of what is heard where there is no meter of this name.
+    /// The level of a node in words: that of the meter with the second name, else that of its own audio, else that of what is heard.
     #[must_use]
-    pub fn describe(&self, meter: &str) -> String {
-        let played = self.played;
-        match (self.meters.get(meter), self.out) {
-            (Some((peak, rms)), _) => {
-                format!("now: {peak:.1} dB peak, {rms:.1} dB RMS, {played:.0} s into the piece")
-            }
-            (None, Some(peak)) => format!("heard now: {peak:.1} dB peak, {played:.0} s into the piece"),
-            (None, None) => format!("heard now: silence, {played:.0} s into the piece"),
-        }
+    pub fn describe(&self, id: &str, meter: &str) -> String {
+        let peak = |peak: Option<f64>| peak.map_or("silence".to_owned(), |peak| format!("{peak:.1} dB peak"));
+        let level = match (self.meters.get(meter), self.nodes.get(id)) {
+            (Some((peak, rms)), _) => format!("now: {peak:.1} dB peak, {rms:.1} dB RMS"),
+            (None, Some(own)) => format!("now: {}", peak(*own)),
+            (None, None) => format!("heard now: {}", peak(self.out)),
+        };
+        format!("{level}, {:.0} s into the piece", self.played)
     }
 }
 
@@ -87,13 +89,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let graph = folder.path().join("a.ron");
         let meters = BTreeMap::from([("force".to_owned(), (-6.0, -9.0))]);
-        let mut levels = Levels { graph: "a.ron".into(), at: now(), played: 2.0, out: Some(-3.0), meters };
+        let nodes = BTreeMap::from([("loud".to_owned(), Some(-1.0)), ("soft".to_owned(), None)]);
+        let mut levels =
+            Levels { graph: "a.ron".into(), at: now(), played: 2.0, out: Some(-3.0), meters, nodes };
         assert_eq!(Levels::beside(&graph), None);
         levels.write(&graph).unwrap();
         assert_eq!(Levels::beside(&graph), Some(levels.clone()));
         assert_eq!(Levels::beside(&folder.path().join("b.ron")), None);
-        assert!(levels.describe("force").starts_with("now: -6.0 dB peak, -9.0 dB RMS"));
-        assert!(levels.describe("other").starts_with("heard now: -3.0 dB peak"));
+        assert_eq!(levels.describe("loud", "force"), "now: -6.0 dB peak, -9.0 dB RMS, 2 s into the piece");
+        assert_eq!(levels.describe("loud", "loud"), "now: -1.0 dB peak, 2 s into the piece");
+        assert_eq!(levels.describe("soft", "soft"), "now: silence, 2 s into the piece");
+        assert_eq!(levels.describe("out", "out"), "heard now: -3.0 dB peak, 2 s into the piece");
         levels.at -= 10.0;
         levels.write(&graph).unwrap();
         assert_eq!(Levels::beside(&graph), None, "it plays no more");

@@ -359,6 +359,7 @@ impl Player {
                 None => self.renew(Some(region), node),
             }
         }
+        self.watch_levels();
         self.watch_silence();
         let played = self.shared.window.load(Acquire);
         if self.pending_swap.is_none() && self.transition_end.is_some_and(|end| played >= end) {

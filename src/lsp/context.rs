@@ -77,10 +77,10 @@ impl Context<'_> {
         Some((spec, stream))
     }
 
-    /// The level of a node in the graph as it plays now.
+    /// The level of a node, or of its meter, in the graph as it plays now.
     #[must_use]
-    pub fn level(&self, path: &Path, id: &str) -> Option<String> {
-        Levels::beside(path).map(|levels| levels.describe(id))
+    pub fn level(&self, path: &Path, id: &str, meter: &str) -> Option<String> {
+        Levels::beside(path).map(|levels| levels.describe(id, meter))
     }
 }
 

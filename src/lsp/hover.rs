@@ -160,7 +160,7 @@ fn node_page(context: &Context<'_>, at: At<'_>, path: &Path, file: &TextFile, id
     // A meter has a name of its own.
     let name = node.fields.iter().find(|field| field.name.value == "name");
     let meter = name.and_then(|name| name.value.as_str()).unwrap_or(id);
-    if let Some(level) = context.level(at.path, meter).filter(|_| own) {
+    if let Some(level) = context.level(at.path, id, meter).filter(|_| own) {
         let _ = write!(out, "\n\n{level}");
     }
     Some(out)

@@ -106,10 +106,9 @@ pub fn run_phase(
         job.progress.done.fetch_add(done * stages.len() as u64, SeqCst);
         report.resumed_at = Some(seconds(done as Tick * job.plan.window));
     }
-    // A thread without a region of its own would poll for work, on a core that another thread could use.
-    let regions = phase.regions.iter().filter(|r| !r.io).count();
+    // More threads than regions: some nodes divide their own work.
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(job.threads.min(regions).max(1))
+        .num_threads(job.threads.max(1))
         .thread_name(|k| format!("foley-{k}"))
         .build()
         .map_err(|e| vec![Diagnostic::general("F090", format!("cannot start threads: {e}"))])?;

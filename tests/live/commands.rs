@@ -337,3 +337,34 @@ fn what_cannot_play_is_refused_with_a_reason() {
     );
     refused(&two, &["--device", "null"], "F045");
 }
+
+#[test]
+fn the_levels_of_all_nodes_are_in_the_file_beside_a_graph_that_plays() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "#![schema = \"foley:graph/1\"]
+Graph(nodes: {
+    \"tone\": Tone(level: 0.5),
+    \"soft\": Gain(audio: \"tone\", db: -14.0),
+    \"off\": Gain(audio: \"tone\", gain: 0.0),
+    \"both\": Mix(inputs: [\"soft\", \"off\"]),
+    \"out\": WavOut(audio: \"both\", path: \"a.wav\"),
+})";
+    let graph = folder.path().join("a.ron");
+    std::fs::write(&graph, text).unwrap();
+    let args = ["live", "a.ron", "--device", "null", "--for", "30", "--osc", "off"];
+    let mut child = foley(&args, folder.path()).stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+    let start = std::time::Instant::now();
+    let levels = loop {
+        let levels = foley::live::Levels::beside(&graph).filter(|levels| !levels.nodes.is_empty());
+        if levels.is_some() || start.elapsed() > Duration::from_secs(25) {
+            break levels;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let nodes = levels.expect("there are levels").nodes;
+    let is = |id: &str, db: f64| (nodes[id].unwrap() - db).abs() < 0.1;
+    assert!(is("tone", -6.02) && is("soft", -20.02) && is("both", -20.02), "{nodes:?}");
+    assert_eq!(nodes["off"], None);
+}

@@ -75,10 +75,15 @@ fn a_hover_has_the_level_of_a_graph_that_plays() {
         played: 7.0,
         out: Some(-12.34),
         meters: [].into(),
+        nodes: [("noise".to_owned(), Some(-20.0)), ("mix".to_owned(), None)].into(),
     };
     levels(foley::live::now()).write(&editor.path("outer.ron")).unwrap();
     let out = editor.hover("outer.ron", &at(OUTER, "out\": WavOut"));
     assert!(out.contains("heard now: -12.3 dB peak, 7 s into the piece"), "{out}");
+    let noise = editor.hover("outer.ron", &at(OUTER, "noise\": Noise"));
+    assert!(noise.contains("now: -20.0 dB peak, 7 s into the piece"), "{noise}");
+    let mix = editor.hover("outer.ron", &at(OUTER, "mix\": Mix"));
+    assert!(mix.contains("now: silence, 7 s into the piece"), "{mix}");
     levels(foley::live::now() - 60.0).write(&editor.path("outer.ron")).unwrap();
     assert!(!editor.hover("outer.ron", &at(OUTER, "out\": WavOut")).contains("heard"));
 }

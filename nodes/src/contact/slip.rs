@@ -38,6 +38,7 @@ struct LocalPoint {
     height: f64,
 }
 
+#[inline]
 fn local_point(x: Vec3, [a, b, c]: [Vec3; 3]) -> Option<LocalPoint> {
     let (e1, e2, offset) = (sub(b, a), sub(c, a), sub(x, a));
     let metric = [dot(e1, e1), dot(e1, e2), dot(e2, e2)];

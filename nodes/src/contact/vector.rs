@@ -8,6 +8,7 @@ pub(crate) fn widen(a: [f32; 3]) -> Vec3 {
 }
 
 /// Converts a number to single precision; numbers beyond its range become its largest ones.
+#[inline]
 pub(super) fn narrow(x: f64) -> f32 {
     x.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
 }

@@ -12,5 +12,6 @@ pub mod ports;
 mod run;
 pub mod shape;
 
+pub(crate) use data::pool;
 pub use data::{buffer, content, fault, feed, files, input, item, random, silence, state, time, unmatched};
 pub use run::{stage, standalone};

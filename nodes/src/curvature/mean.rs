@@ -1,15 +1,17 @@
 //! Signed mean curvature of a triangle mesh, at every vertex.
 
 use fearless_simd::Level;
+use rayon::prelude::*;
 
 use super::angle::angles;
 use super::item::{Curvature, Method};
 use super::one_ring::{OneRing, one_rings};
 use crate::contact::vector::{Vec3, add, cross, dot, norm, scale, sub, widen};
+use crate::core::pool;
 use crate::mesh::{MeshError, MeshPrepare, Topology};
 
 /// A position in single or double precision.
-pub trait Point: Copy {
+pub trait Point: Copy + Send + Sync {
     /// Converts to double precision.
     fn wide(self) -> [f64; 3];
     /// Converts to single precision.
@@ -83,12 +85,16 @@ pub struct MeanCurvature {
     one_rings: Vec<OneRing>,
     valid: Vec<bool>,
     sums: Vec<Sums>,
+    /// What each triangle gives to its corners in this frame, where threads measure triangles in parallel.
+    parts: Vec<Part>,
     method: Method,
     level: Level,
 }
 
 /// Number of triangles whose angles are computed together.
 const BATCH: usize = 32;
+/// Number of triangles that one thread measures at a time.
+const PART: usize = 8 * BATCH;
 
 impl MeanCurvature {
     /// Prepares a mesh.
@@ -106,11 +112,12 @@ impl MeanCurvature {
         };
         let triangles = mesh.triangles().to_vec();
         Ok(Self {
+            sums: vec![Sums::default(); vertices],
+            parts: vec![Part::default(); triangles.len()],
             triangles,
             hinges,
             one_rings,
             valid,
-            sums: vec![Sums::default(); vertices],
             method,
             level: Level::new(),
         })
@@ -137,7 +144,7 @@ impl MeanCurvature {
     /// The first vertex whose position is missing or not finite.
     ///
     /// # Complexity
-    /// O(V + T). Never allocates.
+    /// O(V + T). In a pool its threads measure triangles in parallel, and one adds them up. Never allocates.
     pub fn measure<P: Point>(&mut self, positions: &[P], out: &mut [Curvature]) -> Result<(), usize> {
         if positions.len() < self.sums.len() {
             return Err(positions.len());
@@ -145,25 +152,78 @@ impl MeanCurvature {
         if let Some(v) = positions.iter().position(|p| !p.wide().iter().all(|x| x.is_finite())) {
             return Err(v);
         }
-        self.sums.fill(Sums::default());
-        let mut corners = Corners::default();
-        for triangles in self.triangles.chunks(BATCH) {
-            let parts = triangles.iter().enumerate().map(|(k, t)| corners.set(k, *t, positions));
-            let mut batch = [Triangle::default(); BATCH];
-            batch.iter_mut().zip(parts).for_each(|(slot, part)| *slot = part);
-            let [first, second] = corners.dots.map(|dots| angles(self.level, &corners.double_areas, &dots));
-            for (k, (t, part)) in triangles.iter().zip(&batch).enumerate() {
-                part.add(*t, [first[k], second[k]], self.method == Method::Cotan, &mut self.sums);
-            }
+        let (level, cotan) = (self.level, self.method == Method::Cotan);
+        let Self { triangles, parts, sums, .. } = self;
+        sums.fill(Sums::default());
+        let size = if pool::is_parallel() { triangles.len().max(1) } else { BATCH };
+        for triangles in triangles.chunks(size) {
+            let parts = &mut parts[..triangles.len()];
+            let measured = triangles.par_chunks(PART).zip(parts.par_chunks_mut(PART));
+            pool::for_each(measured, |(triangles, parts)| {
+                for (triangles, parts) in triangles.chunks(BATCH).zip(parts.chunks_mut(BATCH)) {
+                    measure_batch(level, triangles, positions, cotan, parts);
+                }
+            });
+            triangles.iter().zip(parts).for_each(|(t, part)| part.add(*t, cotan, sums));
         }
         for hinges in self.hinges.chunks(BATCH) {
-            add_hinges(self.level, hinges, positions, &mut self.sums);
+            add_hinges(level, hinges, positions, &mut self.sums);
         }
         let vertices = self.sums.iter().zip(&self.valid).zip(positions);
         for (((sums, &valid), position), out) in vertices.zip(out) {
             *out = self.method.curvature(sums, valid, position.narrow());
         }
         Ok(())
+    }
+}
+
+/// What a triangle gives to its corners.
+#[derive(Clone, Copy, Debug, Default)]
+struct Part {
+    /// Unit normal, or zero without area.
+    normal: Vec3,
+    angles: [f64; 3],
+    areas: [f64; 3],
+    /// Each side times the cotangent opposite to it.
+    cotans: [Vec3; 3],
+}
+
+impl Part {
+    /// Adds it to the sums of its corners.
+    #[inline]
+    fn add(&self, t: [u32; 3], cotan: bool, sums: &mut [Sums]) {
+        let t = t.map(|v| v as usize);
+        for k in 0..3 {
+            let sums = &mut sums[t[k]];
+            sums.normal = add(sums.normal, scale(self.normal, self.angles[k]));
+            sums.area += self.areas[k];
+        }
+        if cotan {
+            for k in 0..3 {
+                let (j, l) = ((k + 1) % 3, (k + 2) % 3);
+                sums[t[j]].bend = sub(sums[t[j]].bend, self.cotans[k]);
+                sums[t[l]].bend = add(sums[t[l]].bend, self.cotans[k]);
+            }
+        }
+    }
+}
+
+/// Measures up to [`BATCH`] triangles.
+fn measure_batch<P: Point>(
+    level: Level,
+    triangles: &[[u32; 3]],
+    positions: &[P],
+    cotan: bool,
+    parts: &mut [Part],
+) {
+    let mut corners = Corners::default();
+    let mut batch = [Triangle::default(); BATCH];
+    for (k, (slot, t)) in batch.iter_mut().zip(triangles).enumerate() {
+        *slot = corners.set(k, *t, positions);
+    }
+    let [first, second] = corners.dots.map(|dots| angles(level, &corners.double_areas, &dots));
+    for (k, (triangle, part)) in batch.iter().zip(parts).enumerate() {
+        *part = triangle.part([first[k], second[k]], cotan);
     }
 }
 
@@ -223,29 +283,20 @@ struct Triangle {
 }
 
 impl Triangle {
-    /// Adds the mixed areas, the weighted normals and, if `cotan`, the cotangent terms, from the first two angles.
+    /// Mixed areas, angles and normal and, if `cotan`, the cotangent terms, from the first two angles.
     #[inline]
-    fn add(&self, t: [u32; 3], [first, second]: [f64; 2], cotan: bool, sums: &mut [Sums]) {
+    fn part(&self, [first, second]: [f64; 2], cotan: bool) -> Part {
         let Self { sides, normal, double_area, dots } = self;
-        let t = t.map(|v| v as usize);
+        let mut part = Part::default();
         if *double_area > 0.0 {
-            let unit = scale(*normal, 1.0 / double_area);
-            let angles = [first, second, std::f64::consts::PI - first - second];
-            let areas = mixed_areas(*double_area, *dots, sides);
-            for k in 0..3 {
-                let sums = &mut sums[t[k]];
-                sums.normal = add(sums.normal, scale(unit, angles[k]));
-                sums.area += areas[k];
-            }
+            part.normal = scale(*normal, 1.0 / double_area);
+            part.angles = [first, second, std::f64::consts::PI - first - second];
+            part.areas = mixed_areas(*double_area, *dots, sides);
         }
         if cotan {
-            for k in 0..3 {
-                let (j, l) = ((k + 1) % 3, (k + 2) % 3);
-                let term = scale(sides[k], cotangent(dots[k], *double_area));
-                sums[t[j]].bend = sub(sums[t[j]].bend, term);
-                sums[t[l]].bend = add(sums[t[l]].bend, term);
-            }
+            part.cotans = [0, 1, 2].map(|k| scale(sides[k], cotangent(dots[k], *double_area)));
         }
+        part
     }
 }
 

@@ -21,12 +21,26 @@ pub(super) struct LevelFile {
     peak: f32,
     /// Peak of each meter since then, and its last root mean square, dB.
     meters: BTreeMap<String, (f64, f64)>,
+    /// Peaks of the nodes, as measured last.
+    nodes: BTreeMap<String, Option<f64>>,
 }
 
 impl LevelFile {
     /// The file of a graph.
     pub fn new(graph: &Path) -> Self {
-        Self { graph: graph.to_owned(), written: Instant::now(), peak: 0.0, meters: BTreeMap::new() }
+        Self {
+            graph: graph.to_owned(),
+            written: Instant::now(),
+            peak: 0.0,
+            meters: BTreeMap::new(),
+            nodes: BTreeMap::new(),
+        }
+    }
+
+    /// Sets the peaks of the nodes.
+    pub fn set_nodes(&mut self, peaks: &BTreeMap<String, f32>) {
+        let level = |peak: f32| (peak > 0.0).then(|| linear_to_db(f64::from(peak)));
+        self.nodes = peaks.iter().map(|(id, peak)| (id.clone(), level(*peak))).collect();
     }
 
     /// Adds the peak of what was heard since the last call, and readings of meters. A folder in which nothing can be written has no
@@ -47,7 +61,8 @@ impl LevelFile {
         let peak = std::mem::take(&mut self.peak);
         let graph = self.graph.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let out = (peak > 0.0).then(|| linear_to_db(f64::from(peak)));
-        let levels = Levels { graph, at: now(), played, out, meters: std::mem::take(&mut self.meters) };
+        let (meters, nodes) = (std::mem::take(&mut self.meters), self.nodes.clone());
+        let levels = Levels { graph, at: now(), played, out, meters, nodes };
         let _ = levels.write(&self.graph);
     }
 

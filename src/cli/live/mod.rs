@@ -132,13 +132,14 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
         metered: settings.report.is_some() || settings.json,
         channels: None,
     };
-    let (player, callback) = match Player::start(material, options) {
+    let (mut player, callback) = match Player::start(material, options) {
         Ok(both) => both,
         Err(errors) => {
             show(&errors, &sources);
             return Ok(Exit::Wrong);
         }
     };
+    player.measure_levels();
     if let Some(wanted) = settings.device.rate
         && callback.rate().as_f64() != f64::from(wanted)
     {

@@ -47,6 +47,9 @@ impl Session<'_> {
             return Ok(());
         }
         self.shown = Instant::now();
+        if let Some(peaks) = self.player.take_levels() {
+            self.levels.set_nodes(&peaks);
+        }
         let shared = self.player.shared();
         let meter = &shared.meter;
         let budget = self.settings.device.quantum as f64 / self.player.plan().rate.as_f64();

@@ -276,7 +276,8 @@ impl Session<'_> {
     /// Plays from the beginning.
     fn begin_again(&mut self, material: LiveGraph) -> Result<Reloaded, Vec<Diagnostic>> {
         let options = self.player.options().clone();
-        let (player, callback) = Player::start(material, options)?;
+        let (mut player, callback) = Player::start(material, options)?;
+        player.measure_levels();
         if let Some(device) = self.device.take() {
             let _ = device.stop();
         }

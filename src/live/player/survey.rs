@@ -1,4 +1,4 @@
-//! Finds out why nothing is heard while a graph plays.
+//! Finds out why nothing is heard while a graph plays, and the levels of its nodes.
 
 use super::{Player, PlayerEvent};
 use crate::live::playback::callback::{Command, RegionSurvey};
@@ -6,13 +6,19 @@ use crate::plan::Runnable;
 use crate::run::{NodeReport, Period, explain_silence, reads_messages};
 use foley_nodes::core::silence::Silence;
 use foley_nodes::core::stage::Survey;
+use std::collections::BTreeMap;
 use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
 
 /// Time of silence from which on the activity of nodes is recorded, and for which it is, s.
 const HALF: f64 = 0.5;
 
 /// Time of silence from which on nodes are reported that no message reaches, s: what files hold for them may come later.
 const PATIENCE: f64 = 5.0;
+
+/// Interval between two measurements of the levels of all nodes, and the time that one takes.
+const LEVELS: Duration = Duration::from_millis(800);
+const MEASURED: Duration = Duration::from_millis(200);
 
 /// Surveys of the nodes while nothing is heard: the first begins to record their activity, and the others return it.
 #[derive(Default)]
@@ -25,17 +31,41 @@ pub struct Surveys {
     requests: u64,
     /// Answers to the last request.
     answers: Vec<RegionSurvey>,
+    levels: NodeLevels,
+}
+
+/// Measurements of the levels of all nodes, one after the other.
+#[derive(Default)]
+struct NodeLevels {
+    /// When the present step began; `None` if levels are not wanted.
+    since: Option<Instant>,
+    step: LevelStep,
+    answers: Vec<RegionSurvey>,
+    /// Peaks of the last measurement that nobody has taken.
+    last: Option<BTreeMap<String, f32>>,
+}
+
+#[derive(Clone, Copy, Default, PartialEq)]
+enum LevelStep {
+    #[default]
+    Waiting,
+    Measuring,
+    Asked,
 }
 
 impl Surveys {
     /// Forgets what is known of the graph before.
     pub fn begin_again(&mut self) {
-        *self = Self { graph: self.graph + 1, ..Self::default() };
+        let levels = NodeLevels { since: self.levels.since, ..NodeLevels::default() };
+        *self = Self { graph: self.graph + 1, levels, ..Self::default() };
     }
 
     /// Adds an answer.
     pub fn add(&mut self, answer: RegionSurvey) {
-        if answer.graph == self.graph && self.requested.is_some() {
+        if answer.graph != self.graph {
+        } else if answer.survey.is_of_levels() {
+            self.levels.answers.push(answer);
+        } else if self.requested.is_some() {
             self.answers.push(answer);
         }
     }
@@ -44,9 +74,6 @@ impl Surveys {
 impl Player {
     /// Surveys the nodes while nothing is heard, and reports what is silent although something comes in.
     pub(super) fn watch_silence(&mut self) {
-        while let Some(answer) = self.workers.take_survey() {
-            self.surveys.add(*answer);
-        }
         let windows = |seconds: f64| {
             (seconds * self.timing.rate.as_f64() / self.timing.quantum.max(1) as f64).ceil() as u64
         };
@@ -89,14 +116,19 @@ impl Player {
 
     /// Asks all regions what their nodes have done, and to record it from now on, or not.
     fn request_survey(&mut self, record: bool) {
-        let graph = self.surveys.graph;
         self.surveys.answers.clear();
         self.surveys.requests += 1;
         self.surveys.requested = Some(self.shared.window.load(Relaxed));
+        self.send_surveys(|nodes| Survey::new(nodes, record));
+    }
+
+    /// Sends a survey to each region, made for its number of nodes.
+    fn send_surveys(&mut self, survey: impl Fn(usize) -> Survey) {
+        let graph = self.surveys.graph;
         let regions = &self.playing.plan.regions;
         let last = regions.len() - 1;
         for (number, region) in regions.iter().enumerate() {
-            let survey = Survey::new(region.nodes.len(), record);
+            let survey = survey(region.nodes.len());
             if number == last {
                 let survey = Box::new(RegionSurvey { graph, region: None, survey });
                 let _ = self.commands.push(Command::Survey(survey));
@@ -105,6 +137,64 @@ impl Player {
                 self.workers.survey(number, survey);
             }
         }
+    }
+
+    /// Measures the levels of all nodes from now on, in a fifth of each second.
+    pub fn measure_levels(&mut self) {
+        self.surveys.levels.since = Some(Instant::now());
+    }
+
+    /// The largest magnitudes in the audio of each node in the last measurement, by the id of the node; `None` until the next is there.
+    pub fn take_levels(&mut self) -> Option<BTreeMap<String, f32>> {
+        self.surveys.levels.last.take()
+    }
+
+    /// Takes the next step of a measurement of levels.
+    pub(super) fn watch_levels(&mut self) {
+        while let Some(answer) = self.workers.take_survey() {
+            self.surveys.add(*answer);
+        }
+        let NodeLevels { since, step, answers, .. } = &mut self.surveys.levels;
+        let Some(passed) = since.map(|since| since.elapsed()).filter(|_| !self.failed) else { return };
+        let (next, record) = match *step {
+            LevelStep::Waiting if passed >= LEVELS => (LevelStep::Measuring, true),
+            LevelStep::Measuring if passed >= MEASURED => (LevelStep::Asked, false),
+            LevelStep::Asked if answers.len() >= self.playing.plan.regions.len() || passed >= LEVELS => {
+                let answers = std::mem::take(answers);
+                let levels = self.levels_of(&answers);
+                let levels =
+                    NodeLevels { last: levels, since: Some(Instant::now()), ..NodeLevels::default() };
+                self.surveys.levels = levels;
+                return;
+            }
+            _ => return,
+        };
+        answers.clear();
+        (*step, *since) = (next, Some(Instant::now()));
+        self.send_surveys(|nodes| Survey::of_levels(nodes, record));
+    }
+
+    /// The peaks in answers of all regions; `None` if some are missing.
+    fn levels_of(&self, answers: &[RegionSurvey]) -> Option<BTreeMap<String, f32>> {
+        let graph = self.graph()?;
+        let regions = &self.playing.plan.regions;
+        let is_same = graph.nodes.iter().map(|node| &node.id).eq(&self.playing.ids);
+        if !is_same || answers.len() != regions.len() {
+            return None;
+        }
+        let mut peaks = BTreeMap::new();
+        for answer in answers {
+            let region = &regions[answer.region.unwrap_or(regions.len() - 1)];
+            for (k, node) in region.nodes.iter().enumerate() {
+                let Runnable::Node(n) = node.runnable else { continue };
+                let node = &graph.nodes[n];
+                let has_audio = node.ty.outputs.iter().any(|port| port.kind.name() == "audio");
+                if let Some(peak) = answer.survey.peak(k).filter(|_| has_audio) {
+                    peaks.insert(node.id.clone(), peak);
+                }
+            }
+        }
+        Some(peaks)
     }
 
     /// The nodes that give nothing although something comes in.

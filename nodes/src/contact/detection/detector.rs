@@ -1,5 +1,8 @@
 //! The triangles that cloth vertices touch, frame by frame.
 
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicUsize};
+
 use fearless_simd::Level;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,6 +18,7 @@ use crate::contact::slip::{SlipMode, in_plane, naive, slide};
 use crate::contact::triangle::closest_point;
 use crate::contact::vector::{narrow, widen};
 use crate::core::fault::Fault;
+use crate::core::pool;
 use crate::core::state::{StateArchive, Stateful};
 use crate::mesh::Topology;
 
@@ -67,6 +71,11 @@ const CROWDED_LEAVES: usize = 256;
 const JUDGED_LEAVES: usize = 2048;
 /// Leaves that overlap the boxes of all clusters together, up to which no frame is crowded.
 const FEW_LEAVES: usize = 16_384;
+/// Parts of the clusters that are searched in parallel. In a crowded frame at least one of them visits more than its share, as
+/// `PARTS * JUDGED_LEAVES` is no more than `FEW_LEAVES`.
+const PARTS: usize = 8;
+/// Vertices whose contacts one thread measures at a time.
+const MEASURED: usize = 256;
 
 /// Search for the closest triangles of all surfaces within a radius of each cloth vertex.
 ///
@@ -89,9 +98,12 @@ pub struct Detector {
     excluded_leaves: ExcludedLeaves,
     /// Cloth vertices, neighbours together; clusters are consecutive chunks.
     order: Vec<u32>,
+    /// Place of each cloth vertex in `order`.
+    places: Vec<u32>,
     /// Contacts of the previous frame, in the order of `order`.
     previous: Vec<Candidate>,
-    scratch: Scratch,
+    /// Memory of each part.
+    scratch: Vec<Scratch>,
 }
 
 impl Stateful for Detector {
@@ -140,17 +152,20 @@ impl Detector {
         };
         let mut order: Vec<u32> = (0..cloth.vertex_count() as u32).collect();
         sort_by_locality(&mut order, &cloth.rest);
+        let mut places = vec![0; order.len()];
+        (0..).zip(&order).for_each(|(place, &v)| places[v as usize] = place);
         let runs = order.par_chunks(CLUSTER).map(|cluster| exclusion.of_cluster(cluster)).collect();
         let excluded_leaves = ExcludedLeaves::new(order.len(), &exclusion, runs, &hierarchies[0]);
         Ok(Self {
             vertices: surfaces.iter().map(|t| t.vertex_count()).collect(),
             triangles: surfaces.iter().map(|t| t.triangles.clone()).collect(),
-            scratch: Scratch::new(&hierarchies, params.max_contacts),
+            scratch: (0..PARTS).map(|_| Scratch::new(&hierarchies, params.max_contacts)).collect(),
             hierarchies,
             exclusion,
             excluded_leaves,
             previous: vec![Candidate::NONE; order.len() * params.max_contacts],
             order,
+            places,
             params,
         })
     }
@@ -177,7 +192,7 @@ impl Detector {
     /// [`ContactError`] for wrong lengths and for positions that are not finite; `out` is then unchanged.
     ///
     /// # Complexity
-    /// Expected O(F + V log F). Never allocates.
+    /// Expected O(F + V log F), the second part divided by the threads of the pool that it is called in. Never allocates.
     pub fn detect(
         &mut self,
         cloth: &[[f32; 3]],
@@ -199,7 +214,7 @@ impl Detector {
     /// As [`Detector::detect`], for both frames.
     ///
     /// # Complexity
-    /// Expected O(F + V log F). Never allocates.
+    /// Expected O(F + V log F), the second part divided by the threads of the pool that it is called in. Never allocates.
     pub fn detect_and_slide(
         &mut self,
         cloth: &[[f32; 3]],
@@ -235,33 +250,58 @@ impl Detector {
             level: Level::new(),
             extent: self.hierarchies.iter().map(Bvh::extent).fold(0.0, f64::max),
         };
-        let limit = FEW_LEAVES + CROWDED_LEAVES * self.order.len().div_ceil(CLUSTER);
-        let (mut visited, mut judged) = (0, false);
-        let clusters = self.order.chunks(CLUSTER).zip(self.previous.chunks_mut(CLUSTER * slots));
-        for (cluster, (vertices, candidates)) in clusters.enumerate() {
-            visited += scene.query(cluster, vertices, candidates, &mut self.scratch);
-            // A crowded frame visits more leaves than overlap, whatever the previous frames were.
-            if visited > JUDGED_LEAVES + CROWDED_LEAVES * (cluster + 1) && !judged {
-                judged = true;
-                if scene.overlaps(&self.order, limit, &mut self.scratch) > limit {
-                    out.fill(Contact::default());
-                    self.previous.fill(Candidate::NONE);
-                    return Detection { crowded: true, rebuilt: detection.rebuilt, ..Detection::default() };
+        let clusters = self.order.len().div_ceil(CLUSTER);
+        let part = clusters.div_ceil(PARTS).max(1);
+        for judged in [false, true] {
+            let suspicious = AtomicBool::new(false);
+            let search = |(k, ((vertices, candidates), scratch)): (
+                usize,
+                ((&[u32], &mut [Candidate]), &mut Scratch),
+            )| {
+                let mut visited = 0;
+                let of_part = vertices.chunks(CLUSTER).zip(candidates.chunks_mut(CLUSTER * slots));
+                for (cluster, (vertices, candidates)) in of_part.enumerate() {
+                    visited += scene.query(k * part + cluster, vertices, candidates, scratch);
+                    if !judged && visited > JUDGED_LEAVES + CROWDED_LEAVES * (cluster + 1) {
+                        suspicious.store(true, Relaxed);
+                    }
+                    if suspicious.load(Relaxed) {
+                        return;
+                    }
                 }
+            };
+            let size = part * CLUSTER;
+            let parts = self.order.par_chunks(size).zip(self.previous.par_chunks_mut(size * slots));
+            pool::for_each(parts.zip(&mut self.scratch).enumerate(), search);
+            if !suspicious.into_inner() {
+                break;
             }
-            for (&v, found) in vertices.iter().zip(candidates.chunks(slots)) {
-                let v = v as usize;
-                for (slot, candidate) in out[v * slots..].iter_mut().zip(found) {
+            let limit = FEW_LEAVES + CROWDED_LEAVES * clusters;
+            if scene.overlaps(&self.order, limit, &mut self.scratch[0]) > limit {
+                out.fill(Contact::default());
+                self.previous.fill(Candidate::NONE);
+                return Detection { crowded: true, ..detection };
+            }
+        }
+        let (contacts, degenerate) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let measure_part = |(k, out): (usize, &mut [Contact])| {
+            let mut counts = Detection::default();
+            for (v, out) in (k * MEASURED..).zip(out.chunks_mut(slots)) {
+                let candidates = &self.previous[self.places[v] as usize * slots..][..slots];
+                for (slot, candidate) in out.iter_mut().zip(candidates) {
                     *slot = if candidate.is_some() {
                         let corners = scene.corners(candidate);
-                        measure(v, candidate, corners, (now, next), self.params.slip, &mut detection)
+                        measure(v, candidate, corners, (now, next), self.params.slip, &mut counts)
                     } else {
                         Contact::default()
                     };
                 }
             }
-        }
-        detection
+            contacts.fetch_add(counts.contacts, Relaxed);
+            degenerate.fetch_add(counts.degenerate, Relaxed);
+        };
+        pool::for_each(out.par_chunks_mut(MEASURED * slots).enumerate(), measure_part);
+        Detection { contacts: contacts.into_inner(), degenerate: degenerate.into_inner(), ..detection }
     }
 
     fn check_frame(&self, frame: Frame<'_>) -> Result<(), ContactError> {

@@ -7,6 +7,7 @@ pub mod feed;
 pub mod files;
 pub mod input;
 pub mod item;
+pub(crate) mod pool;
 pub mod random;
 pub mod silence;
 pub mod state;

@@ -39,21 +39,44 @@ pub struct NodeTime {
 /// What the nodes of a stage have done, taken by [`Stage::survey`].
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
-    active: Vec<u64>,
+    /// `None` for a survey of levels.
+    active: Option<Vec<u64>>,
     silence: Vec<Option<Silence>>,
+    /// `None` for a survey of activity.
+    peaks: Option<Vec<f32>>,
 }
 
 impl Survey {
     /// A survey of a stage with this number of nodes, from which on their activity is recorded, or not (`false`).
     #[must_use]
     pub fn new(nodes: usize, record: bool) -> Self {
-        Self { active: vec![0; if record { nodes } else { 0 }], silence: vec![None; nodes] }
+        let active = vec![0; if record { nodes } else { 0 }];
+        Self { active: Some(active), silence: vec![None; nodes], peaks: None }
+    }
+
+    /// A survey of the levels of a stage with this number of nodes, from which on they are recorded, or not (`false`).
+    #[must_use]
+    pub fn of_levels(nodes: usize, record: bool) -> Self {
+        let peaks = vec![0.0; if record { nodes } else { 0 }];
+        Self { peaks: Some(peaks), ..Self::default() }
+    }
+
+    /// True for a survey of levels.
+    #[must_use]
+    pub fn is_of_levels(&self) -> bool {
+        self.peaks.is_some()
+    }
+
+    /// The largest magnitude in the streams of numbers of a node since the last survey of levels, if it has recorded.
+    #[must_use]
+    pub fn peak(&self, node: usize) -> Option<f32> {
+        self.peaks.as_ref()?.get(node).copied()
     }
 
     /// As [`Stage::activity`], since the last survey, if it has recorded.
     #[must_use]
     pub fn activity(&self, node: usize) -> Option<u64> {
-        self.active.get(node).copied()
+        self.active.as_ref()?.get(node).copied()
     }
 
     /// Why a node has given nothing so far.
@@ -85,6 +108,8 @@ pub struct Stage {
     not_finite: Option<usize>,
     /// For each node, a bit for each of its first 64 outputs that has carried anything; empty if this is not recorded.
     active: Vec<u64>,
+    /// For each node, the largest magnitude in its streams of numbers; empty if this is not recorded.
+    peaks: Vec<f32>,
 }
 
 impl Stage {
@@ -112,6 +137,7 @@ impl Stage {
             guarded: false,
             not_finite: None,
             active: Vec::new(),
+            peaks: Vec::new(),
         }
     }
 
@@ -211,6 +237,7 @@ impl Stage {
             guarded,
             not_finite,
             active,
+            peaks,
             ..
         } = self;
         let shared = Shared { buffers, spans, poison: *poison, closing: false };
@@ -232,6 +259,9 @@ impl Stage {
                 }
                 if let Some(active) = active.get_mut(k) {
                     *active |= newly_active(&cx, *active);
+                }
+                if let Some(peak) = peaks.get_mut(k) {
+                    *peak = largest(&cx, *peak);
                 }
             }
             if !*steady || !copies.is_empty() {
@@ -270,7 +300,12 @@ impl Stage {
 
     /// Returns what the nodes have done since the last survey, and why they have given nothing so far. Nothing is allocated or freed here.
     pub fn survey(&mut self, survey: &mut Survey) {
-        std::mem::swap(&mut self.active, &mut survey.active);
+        if let Some(active) = &mut survey.active {
+            std::mem::swap(&mut self.active, active);
+        }
+        if let Some(peaks) = &mut survey.peaks {
+            std::mem::swap(&mut self.peaks, peaks);
+        }
         for (node, silence) in self.nodes.iter().zip(&mut survey.silence) {
             *silence = node.node.silence();
         }
@@ -400,14 +435,31 @@ fn silence_not_finite(cx: &Cx<'_>) -> bool {
         let mut buffer = cx.shared.buffers[*buffer].borrow_mut();
         let Some(samples) = buffer.typed_mut::<StreamBuffer<f32>>() else { continue };
         let written = samples.last_mut((span.to - span.from).max(0) as usize);
-        // The bits of magnitudes are in the order of the magnitudes, and this loop needs no branch.
-        let largest = written.iter().fold(0, |largest, x| (x.to_bits() & 0x7fff_ffff).max(largest));
-        if largest >= f32::INFINITY.to_bits() {
+        if largest_bits(written, 0) >= f32::INFINITY.to_bits() {
             written.fill(0.0);
             found = true;
         }
     }
     found
+}
+
+/// The largest magnitude in the streams of numbers of a node in this window, or `least` if that is larger.
+fn largest(cx: &Cx<'_>, least: f32) -> f32 {
+    let mut bits = least.to_bits();
+    for wire in cx.outputs {
+        let OutWire::Stream { buffer, clock, .. } = wire else { continue };
+        let span = cx.span(*clock);
+        let mut buffer = cx.shared.buffers[*buffer].borrow_mut();
+        let Some(samples) = buffer.typed_mut::<StreamBuffer<f32>>() else { continue };
+        bits = largest_bits(samples.last_mut((span.to - span.from).max(0) as usize), bits);
+    }
+    f32::from_bits(bits)
+}
+
+/// The bits of the largest magnitude, or `least` if that is larger. The bits of magnitudes are in the order of the magnitudes, and this loop
+/// needs no branch.
+fn largest_bits(samples: &[f32], least: u32) -> u32 {
+    samples.iter().fold(least, |largest, x| (x.to_bits() & 0x7fff_ffff).max(largest))
 }
 
 /// The outputs of a node that carry something in this window, of those that have not yet.

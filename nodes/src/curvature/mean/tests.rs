@@ -1,10 +1,15 @@
 use super::*;
+use crate::core::pool::with_threads;
 use crate::curvature::scenes::{Scene, crumpled, grid, icosphere, moved, paraboloid};
 use proptest::prelude::*;
 
 fn curvature_of(scene: &Scene, points: &[[f64; 3]], method: Method) -> Vec<Curvature> {
     let mut out = vec![Curvature::default(); points.len()];
-    MeanCurvature::new(&scene.topology(), method).unwrap().measure(points, &mut out).unwrap();
+    let mut measure = MeanCurvature::new(&scene.topology(), method).unwrap();
+    measure.measure(points, &mut out).unwrap();
+    let mut divided = vec![Curvature::default(); points.len()];
+    with_threads(|| measure.measure(points, &mut divided)).unwrap();
+    assert_eq!(out, divided);
     out
 }
 

@@ -48,18 +48,22 @@ impl Source {
     }
 }
 
+#[inline]
 pub(super) fn u32_le(bytes: &[u8]) -> u32 {
     u32::from_le_bytes(array(bytes))
 }
 
+#[inline]
 pub(super) fn u64_le(bytes: &[u8]) -> u64 {
     u64::from_le_bytes(array(bytes))
 }
 
+#[inline]
 pub(super) fn f32_le(bytes: &[u8]) -> f32 {
     f32::from_le_bytes(array(bytes))
 }
 
+#[inline]
 pub(super) fn f64_le(bytes: &[u8]) -> f64 {
     f64::from_le_bytes(array(bytes))
 }

@@ -2,9 +2,15 @@
 
 use super::grid;
 use crate::contact::{Contact, Detection, Detector, DetectorParams};
+use crate::core::pool::with_threads;
 
 #[test]
 fn a_frame_with_all_vertices_in_one_place_has_no_contacts_and_those_around_it_do() {
+    crowded_frames();
+    with_threads(crowded_frames);
+}
+
+fn crowded_frames() {
     let sheet = grid(50, 0.02, 0.0);
     let params = DetectorParams { radius: 0.03, ..DetectorParams::default() };
     let mut detector = Detector::new(&sheet, &[], params).unwrap();

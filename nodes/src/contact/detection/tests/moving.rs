@@ -4,6 +4,7 @@ use super::grid;
 use crate::contact::detection::reference::{Surfaces, contacts_of, excluded, key};
 use crate::contact::vector::widen;
 use crate::contact::{Contact, Detector, DetectorParams};
+use crate::core::pool::with_threads;
 use crate::mesh::Topology;
 
 const SIDE: usize = 19;
@@ -30,6 +31,11 @@ fn floor_at(floor: &Topology, frame: usize) -> Vec<[f32; 3]> {
 
 #[test]
 fn every_frame_of_a_moving_scene_equals_brute_force_for_any_previous_frames() {
+    moving_scene();
+    with_threads(moving_scene);
+}
+
+fn moving_scene() {
     let (sheet, floor) = (grid(SIDE, EDGE, 0.0), grid(9, 0.25, 0.0));
     let params = DetectorParams { radius: 0.06, max_contacts: 2, ..DetectorParams::default() };
     let vertices = sheet.vertex_count();
