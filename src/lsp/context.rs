@@ -82,6 +82,14 @@ impl Context<'_> {
     pub fn level(&self, path: &Path, id: &str, meter: &str) -> Option<String> {
         Levels::beside(path).map(|levels| levels.describe(id, meter))
     }
+
+    /// The level of a node of a sub-graph in the graph as it plays now, by its id there.
+    #[must_use]
+    pub fn inner_level(&self, path: &Path, id: &str) -> Option<String> {
+        let levels =
+            Levels::beside(path).filter(|levels| id.contains('.') && levels.nodes.contains_key(id))?;
+        Some(levels.describe(id, id))
+    }
 }
 
 /// Describes a port with its stream: `audio: stream of audio, 48000 Hz, stereo`.

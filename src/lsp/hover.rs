@@ -17,7 +17,13 @@ pub fn hover(context: &Context<'_>, at: At<'_>) -> Option<(Span, String)> {
         return None;
     }
     if let Some(name) = name_at(context.workspace, context.registry, (at.path, at.file), at.offset) {
-        return Some((name.span, target(context, at, &name.target)?));
+        let mut text = target(context, at, &name.target)?;
+        // The link up to here is the id of a node of a sub-graph.
+        let start = at.file.text[..name.span.start].rfind('"').map_or(name.span.start, |quote| quote + 1);
+        if let Some(level) = context.inner_level(at.path, &at.file.text[start..name.span.end]) {
+            let _ = write!(text, "\n\n{level}");
+        }
+        return Some((name.span, text));
     }
     let node = at.file.node_at(at.offset)?;
     let holds = |span: &Span| span.start <= at.offset && at.offset <= span.end;

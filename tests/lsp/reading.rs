@@ -75,7 +75,9 @@ fn a_hover_has_the_level_of_a_graph_that_plays() {
         played: 7.0,
         out: Some(-12.34),
         meters: [].into(),
-        nodes: [("noise".to_owned(), Some(-20.0)), ("mix".to_owned(), None)].into(),
+        nodes: [("noise", Some(-20.0)), ("mix", None), ("s.louder", Some(-9.5))]
+            .map(|(id, peak)| (id.to_owned(), peak))
+            .into(),
     };
     levels(foley::live::now()).write(&editor.path("outer.ron")).unwrap();
     let out = editor.hover("outer.ron", &at(OUTER, "out\": WavOut"));
@@ -84,6 +86,8 @@ fn a_hover_has_the_level_of_a_graph_that_plays() {
     assert!(noise.contains("now: -20.0 dB peak, 7 s into the piece"), "{noise}");
     let mix = editor.hover("outer.ron", &at(OUTER, "mix\": Mix"));
     assert!(mix.contains("now: silence, 7 s into the piece"), "{mix}");
+    let inner = editor.hover("outer.ron", &at(OUTER, "louder\", \"noise"));
+    assert!(inner.contains("now: -9.5 dB peak, 7 s into the piece"), "{inner}");
     levels(foley::live::now() - 60.0).write(&editor.path("outer.ron")).unwrap();
     assert!(!editor.hover("outer.ron", &at(OUTER, "out\": WavOut")).contains("heard"));
 }
