@@ -406,3 +406,29 @@ pub fn follow(name: &str, page: &str, long: bool) -> Vec<String> {
     }
     wrong
 }
+
+#[test]
+fn what_is_not_printed_is_found() {
+    let printed =
+        "wrote out/a.wav: 1.000 s, 48000 Hz, peak 0.5012\n  centroid    3757 Hz\nfrequencies: [1, 2, 3]\n";
+    let is_missing = |excerpt| missing(excerpt, printed).is_some();
+    assert!(!is_missing("wrote out/a.wav: 1.000 s, 48000 Hz, peak 0.5030\n\n  centroid 3757 Hz"));
+    assert!(!is_missing("frequencies: [1, ... 3]") && !is_missing("wrote out/a.wav ..."));
+    assert!(is_missing("wrote out/a.wav: 1.000 s, 48000 Hz, peak 0.6"));
+    assert!(is_missing("wrote out/b.wav: 1.000 s, 48000 Hz, peak 0.5012"));
+    assert!(is_missing("centroid 3757") && is_missing("centroid 3757 Hz 1"));
+    assert!(is_missing("frequencies: [1, ... 4]") && is_missing("frequencies: [2, ... 3]"));
+}
+
+#[test]
+fn commands_are_those_that_a_reader_types() {
+    let text = "foley run a.ron \\\n    --until 1\nfoley nodes       all node types\nwrote b.wav\nfoley watch c.ron --live\n";
+    assert_eq!(commands(text), ["foley run a.ron  --until 1", "foley nodes", "foley check c.ron"]);
+    let page =
+        "<!-- over a.ron\n\"x\": Y, -->\n```ron\n\"z\": Z,\n```\n<!-- long -->\n```text\nfoley nodes\n```\n";
+    let found = blocks("page", page);
+    assert!(
+        found[0].mark == Mark::Over("a.ron".into(), "\"x\": Y,".into()) && found[0].text == "\"z\": Z,\n"
+    );
+    assert!(found[1].mark == Mark::Long && found[1].language == "text");
+}
