@@ -296,6 +296,8 @@ fn own_files(root: &Path) {
     for (name, fields) in parts {
         fs::write(root.join(name), whole("", "", fields)).unwrap();
     }
+    // The graph of `foley new wind`, which several pages run.
+    fs::write(root.join("wind.ron"), &foley::cli::template("wind")[0].1).unwrap();
     fs::write(root.join("graphs/grains/taps.csv"), "time_s,gain,index,ratio\n0.4,0.6,0,1.5\n").unwrap();
     fs::create_dir_all(root.join("materials")).unwrap();
     for name in ["a", "b", "c", "d"] {
