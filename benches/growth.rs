@@ -4,6 +4,7 @@
 //! `cargo bench -p foley -- growth` prints the table and writes `growth.svg` into the working folder.
 
 use foley_nodes::plot::{Chart, Line};
+use std::path::Path;
 use std::process::Command;
 
 /// Argument that selects one size.
@@ -18,19 +19,18 @@ const SHORT: f64 = 10.0;
 /// Two sheets that slide on each other, with edges of 2 cm, through the whole chain of a synthetic sound.
 fn text(side: usize, seconds: f64) -> String {
     let size = 0.02 * (side - 1) as f64;
-    let assets = concat!(env!("CARGO_MANIFEST_DIR"), "/graphs/assets/cloth");
     format!(
         r#"#![schema = "foley:graph/1"]
 Graph(seed: 1, nodes: {{
     "cloth": MeshGenerator(kind: Planes, vertices: [{side}, {side}], size: [{size:?}, {size:?}], duration: {seconds:?}, speed: 0.3),
     "contacts": ContactDetector(mesh: "cloth", radius: 0.015),
     "speed": SlidingSpeed(contacts: "contacts", rate: 40),
-    "model": FrictionModelFile(path: "{assets}/cotton.friction.json"),
+    "model": FrictionModelFile(path: "cotton.friction.json"),
     "friction": IftNoise(speeds: "speed", model: "model", rate: 48000),
     "curvature": MeanCurvature(mesh: "cloth"),
     "buckles": BuckleDetector(curvature: "curvature", h_eps: 0.4),
     "events": CrumpleEvents(buckles: "buckles"),
-    "bank": CrumpleBankFile(path: "{assets}/clothing.crumple.json"),
+    "bank": CrumpleBankFile(path: "clothing.crumple.json"),
     "match": HistogramMatcher(events: "events", bank: "bank", adapt: true),
     "crumples": CrumplePlayer(matched: "match", bank: "bank", rate: 48000),
     "both": Mix(inputs: ["friction", "crumples"]),
@@ -44,10 +44,11 @@ type Figures = [f64; 4];
 
 fn measured(side: usize, seconds: f64) -> Figures {
     let folder = tempfile::tempdir().expect("a folder for the bench");
-    let path = folder.path().join("graph.ron");
-    std::fs::write(&path, text(side, seconds)).expect("the folder can be written");
-    let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/assets");
-    let (wall, report) = crate::common::run_file(&path, &[], &assets, None);
+    for name in ["cotton.friction.json", "clothing.crumple.json"] {
+        let asset = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/assets/cloth").join(name);
+        std::fs::copy(asset, folder.path().join(name)).expect("the models ship");
+    }
+    let (wall, report) = crate::common::run_text(folder.path(), &text(side, seconds), None);
     let process = report.peak_process_bytes.map_or(f64::NAN, |bytes| bytes as f64 / 1e6);
     [wall, report.cpu.map_or(f64::NAN, |time| time.as_secs_f64()), report.buffer_bytes as f64 / 1e6, process]
 }

@@ -22,16 +22,7 @@ fn pages(wanted: impl Fn(&str) -> bool) -> Vec<(String, String)> {
 fn follow_all(pages: Vec<(String, String)>, long: bool) {
     let wrong: Vec<String> =
         pages.par_iter().flat_map_iter(|(name, page)| follow(name, page, long)).collect();
-    assert!(
-        wrong.is_empty(),
-        "{} of what these pages show is not so:
-{}",
-        wrong.len(),
-        wrong.join(
-            "
-"
-        )
-    );
+    assert!(wrong.is_empty(), "{} of what these pages show is not so:\n{}", wrong.len(), wrong.join("\n"));
 }
 
 #[test]

@@ -30,6 +30,14 @@ pub struct Block {
     pub text: String,
 }
 
+impl Block {
+    /// A mark without a text.
+    fn of_mark(mark: Mark, page: &str, line: usize) -> Self {
+        let at = format!("{page}:{}", line + 1);
+        Self { at, mark, language: String::new(), text: String::new() }
+    }
+}
+
 /// What a comment says of a block.
 #[derive(Clone, PartialEq)]
 pub enum Mark {
@@ -69,12 +77,8 @@ pub fn blocks(name: &str, page: &str) -> Vec<Block> {
     let mut lines = page.lines().enumerate();
     while let Some((line, text)) = lines.next() {
         if text.starts_with('#') {
-            found.push(Block {
-                at: String::new(),
-                mark: Mark::NotRun,
-                language: String::new(),
-                text: String::new(),
-            });
+            // What is printed under another heading is not that of the commands before it.
+            found.push(Block::of_mark(Mark::NotRun, name, line));
         } else if let Some(comment) = text.strip_prefix("<!--") {
             let mut comment = format!("{comment}\n");
             while !comment.contains("-->") {
@@ -83,19 +87,13 @@ pub fn blocks(name: &str, page: &str) -> Vec<Block> {
             }
             mark = Mark::of(comment.split("-->").next().unwrap());
             if matches!(mark, Mark::Undo(_)) {
-                let (at, mark) = (format!("{name}:{}", line + 1), std::mem::replace(&mut mark, Mark::None));
-                found.push(Block { at, mark, language: String::new(), text: String::new() });
+                found.push(Block::of_mark(std::mem::replace(&mut mark, Mark::None), name, line));
             }
         } else if let Some(language) = text.strip_prefix("```") {
             let inside = lines.by_ref().map(|(_, l)| l).take_while(|l| *l != "```");
             let text = inside.map(|l| format!("{l}\n")).collect();
-            let at = format!("{name}:{}", line + 1);
-            found.push(Block {
-                at,
-                mark: std::mem::replace(&mut mark, Mark::None),
-                language: language.to_owned(),
-                text,
-            });
+            let block = Block::of_mark(std::mem::replace(&mut mark, Mark::None), name, line);
+            found.push(Block { language: language.to_owned(), text, ..block });
         } else {
             mark = Mark::None;
         }

@@ -63,7 +63,9 @@ impl Surveys {
     /// Adds an answer.
     pub fn add(&mut self, answer: RegionSurvey) {
         if answer.graph != self.graph {
-        } else if answer.survey.is_of_levels() {
+            return;
+        }
+        if answer.survey.is_of_levels() {
             self.levels.answers.push(answer);
         } else if self.requested.is_some() {
             self.answers.push(answer);
@@ -161,10 +163,8 @@ impl Player {
             LevelStep::Measuring if passed >= MEASURED => (LevelStep::Asked, false),
             LevelStep::Asked if answers.len() >= self.playing.plan.regions.len() || passed >= LEVELS => {
                 let answers = std::mem::take(answers);
-                let levels = self.levels_of(&answers);
-                let levels =
-                    NodeLevels { last: levels, since: Some(Instant::now()), ..NodeLevels::default() };
-                self.surveys.levels = levels;
+                let (last, since) = (self.levels_of(&answers), Some(Instant::now()));
+                self.surveys.levels = NodeLevels { last, since, ..NodeLevels::default() };
                 return;
             }
             _ => return,
