@@ -1,16 +1,17 @@
 //! Runs a phase with the cache: known folds are not computed, cached streams are read in place of their nodes and all nodes
-//! upstream, and streams that are worth caching are written while they run.
+//! upstream, and streams that are worth caching are written while they run. Those of later phases that need no fold of this one are written
+//! in this phase already: a phase of little work leaves threads without any.
 
 use super::cached_streams::{CachedStreams, Outputs, PendingStream};
 use super::checkpointer::{Checkpointer, PhaseRun, checkpoint_key};
 use super::values::take_cached;
 use super::{Job, Report, Values, engine};
 use crate::diag::Diagnostic;
-use crate::graph::Graph;
+use crate::graph::{Graph, Link};
 use crate::memo::stream::Codec;
 use crate::memo::{self, CachedStream, NodeSummary, PhaseSubset, RunCache};
 use crate::plan::{Phase, Runnable};
-use foley_nodes::core::ports::PortKind;
+use foley_nodes::core::ports::{PortKind, PortSpec};
 use foley_nodes::core::time::Tick;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::atomic::Ordering;
@@ -42,6 +43,7 @@ pub fn run(
     let root = |n: &usize| memo::writes_files(ty(*n)) || part.is_tapped(*n) || missed.contains(n);
     let roots = phase.nodes.iter().copied().filter(root).collect();
     part.find_needed(roots, cache, values);
+    part.find_hoisted(number, &missed, cache, values);
     part.follow_checkpoint(number, cache, values);
     for (n, hit) in folds.iter().copied().zip(hits) {
         if let Some(hit) = hit.filter(|_| !part.needed.contains(&n)) {
@@ -87,14 +89,30 @@ struct PartialPhase<'j> {
     costs: BTreeMap<String, (String, f64)>,
     /// True if the phase takes long enough to look up and store streams.
     uses_streams: bool,
-    /// Nodes of the phase.
+    /// Nodes that can run in the phase, in topological order: its own, and those of later phases that need none of its folds.
+    order: Vec<usize>,
+    /// The same nodes.
     nodes: HashSet<usize>,
+    /// Nodes of later phases whose streams are to be cached, with what is needed and read without them.
+    hoisted: Vec<usize>,
+    own: Option<(BTreeSet<usize>, BTreeMap<usize, Outputs<CachedStream>>)>,
     /// Nodes that run, or whose streams are read.
     needed: BTreeSet<usize>,
     /// Streams that are read, by node.
     cached: BTreeMap<usize, Outputs<CachedStream>>,
     /// The layout of an earlier run that can be resumed.
     resumed: Option<PhaseLayout>,
+}
+
+/// The outputs of a node that are read, if its streams can be cached.
+fn codecs(job: &Job<'_>, n: usize, read: &BTreeSet<(usize, usize)>) -> Option<Vec<(usize, Codec)>> {
+    if !memo::has_cacheable_streams(&job.graph.nodes[n].ty) {
+        return None;
+    }
+    let outputs = job.graph.nodes[n].ty.outputs.iter().enumerate();
+    let outputs = outputs.filter(|(port, _)| read.contains(&(n, *port)));
+    let codecs = outputs.map(|(p, spec)| Some((p, Codec::of(spec.kind, &job.plan.shapes[n], p)?)));
+    codecs.collect::<Option<Vec<_>>>().filter(|codecs| !codecs.is_empty())
 }
 
 /// The layout of a partial phase.
@@ -117,24 +135,18 @@ impl<'j> PartialPhase<'j> {
         let links = phase.nodes.iter().flat_map(|&n| job.graph.nodes[n].links.iter().flatten());
         let mut read: BTreeSet<(usize, usize)> = links.map(|l| (l.node, l.port)).collect();
         read.extend(taps.iter().map(|(_, tap)| *tap));
-        let mut ports: HashMap<usize, Vec<(usize, Codec)>> = HashMap::new();
-        let cacheable = |n: usize| memo::has_cacheable_streams(&job.graph.nodes[n].ty);
-        for &n in phase.nodes.iter().filter(|&&n| cacheable(n)) {
-            let outputs = job.graph.nodes[n].ty.outputs.iter().enumerate();
-            let outputs = outputs.filter(|(port, _)| read.contains(&(n, *port)));
-            let codecs = outputs.map(|(p, spec)| Some((p, Codec::of(spec.kind, &job.plan.shapes[n], p)?)));
-            if let Some(codecs) = codecs.collect::<Option<Vec<_>>>().filter(|codecs| !codecs.is_empty()) {
-                ports.insert(n, codecs);
-            }
-        }
+        let ports = phase.nodes.iter().filter_map(|&n| Some((n, codecs(job, n, &read)?)));
         let mut part = Self {
             job,
             phase,
+            ports: ports.collect(),
             taps,
-            ports,
             costs: cache.memo().index().costs(),
             uses_streams: false,
+            order: phase.nodes.clone(),
             nodes: phase.nodes.iter().copied().collect(),
+            hoisted: Vec::new(),
+            own: None,
             needed: BTreeSet::new(),
             cached: BTreeMap::new(),
             resumed: None,
@@ -182,12 +194,76 @@ impl<'j> PartialPhase<'j> {
         }
     }
 
-    /// Nodes of this phase whose streams or events a node reads.
-    fn feeding_nodes(&self, n: usize) -> impl Iterator<Item = usize> {
+    /// Nodes whose streams or events a node reads.
+    fn streams_into(&self, n: usize) -> impl Iterator<Item = usize> {
         let node = &self.job.graph.nodes[n];
         let inputs = node.ty.inputs.iter().zip(&node.links);
         let streams = inputs.filter(|(spec, _)| !matches!(spec.kind, PortKind::Value(_)));
-        streams.flat_map(|(_, links)| links).map(|l| l.node).filter(|u| self.nodes.contains(u))
+        streams.flat_map(|(_, links)| links).map(|l| l.node)
+    }
+
+    /// Nodes of this phase whose streams or events a node reads.
+    fn feeding_nodes(&self, n: usize) -> impl Iterator<Item = usize> {
+        self.streams_into(n).filter(|u| self.nodes.contains(u))
+    }
+
+    /// Finds the streams of later phases that are worth caching and can be computed in this one, and the nodes that they need.
+    ///
+    /// Only streams are taken that a node reads which depends on a fold of this phase that is computed now: that node runs in a later phase for certain.
+    fn find_hoisted(&mut self, number: usize, folds: &[usize], cache: &mut RunCache<'_>, values: &Values) {
+        let later: BTreeSet<usize> =
+            self.job.plan.phases.iter().skip(number + 1).flat_map(|phase| &phase.nodes).copied().collect();
+        if !self.uses_streams || folds.is_empty() || later.len() > cache.memo().policy().max_nodes {
+            return;
+        }
+        let graph = self.job.graph;
+        let links = |n: usize| graph.nodes[n].ty.inputs.iter().zip(&graph.nodes[n].links);
+        let (mut changed, mut possible) = (HashSet::new(), self.nodes.clone());
+        for &n in &graph.order {
+            if folds.contains(&n)
+                || links(n).any(|(_, links)| links.iter().any(|l| changed.contains(&l.node)))
+            {
+                changed.insert(n);
+            }
+            let known = |(spec, links): (&PortSpec, &Vec<Link>)| {
+                let is_value = matches!(spec.kind, PortKind::Value(_));
+                links.iter().all(|l| {
+                    if is_value { values.contains_key(&(l.node, l.port)) } else { possible.contains(&l.node) }
+                })
+            };
+            // What writes files, folds or is tapped belongs to its own phase.
+            let outputs = &graph.nodes[n].ty.outputs;
+            let streams = !outputs.is_empty() && !outputs.iter().any(|o| matches!(o.kind, PortKind::Fold(_)));
+            let is_free = later.contains(&n) && streams && !self.is_read_out(n) && !changed.contains(&n);
+            if is_free && links(n).all(known) {
+                possible.insert(n);
+            }
+        }
+        let read: BTreeSet<(usize, usize)> = later
+            .iter()
+            .flat_map(|&n| graph.nodes[n].links.iter().flatten())
+            .map(|l| (l.node, l.port))
+            .collect();
+        let ahead: Vec<usize> = possible.difference(&self.nodes).copied().collect();
+        self.ports.extend(ahead.iter().filter_map(|&n| Some((n, codecs(self.job, n, &read)?))));
+        self.order = graph.order.iter().copied().filter(|n| possible.contains(n)).collect();
+        self.nodes = possible;
+        // Of the streams that those nodes read, and of all upstream, the ones that are worth caching.
+        let readers = later.iter().filter(|n| changed.contains(n)).flat_map(|&n| self.streams_into(n));
+        let missing: Vec<usize> = readers.filter(|n| self.nodes.contains(n)).collect();
+        let own = (self.needed.clone(), self.cached.clone());
+        self.find_needed(missing, cache, values);
+        let chosen: Vec<usize> =
+            self.chosen(cache).into_iter().filter(|n| !own.0.contains(n) && ahead.contains(n)).collect();
+        (self.needed, self.cached) = own.clone();
+        self.find_needed(chosen.clone(), cache, values);
+        self.own = (!chosen.is_empty()).then_some(own);
+        self.hoisted = chosen;
+    }
+
+    /// Returns true if a node writes files, or one of its outputs is tapped.
+    fn is_read_out(&self, n: usize) -> bool {
+        memo::writes_files(&self.job.graph.nodes[n].ty) || self.job.taps.iter().any(|tap| tap.node == n)
     }
 
     /// Returns true if a node runs in this phase.
@@ -208,7 +284,7 @@ impl<'j> PartialPhase<'j> {
 
     /// Nodes that run, in topological order.
     fn running(&self) -> Vec<usize> {
-        self.phase.nodes.iter().copied().filter(|&n| self.runs(n)).collect()
+        self.order.iter().copied().filter(|&n| self.runs(n)).collect()
     }
 
     /// Starts to write an output to the cache.
@@ -224,11 +300,10 @@ impl<'j> PartialPhase<'j> {
         Some(PendingStream { node: n, port, codec, key, file: Arc::new(Mutex::new(file)) })
     }
 
-    /// Starts to write the streams that are worth caching by the estimated times.
-    fn start_streams(&self, values: &Values, cache: &mut RunCache<'_>) -> Vec<PendingStream> {
-        let mut pending = Vec::new();
+    /// The running nodes whose streams are worth caching by the estimated times.
+    fn chosen(&self, cache: &RunCache<'_>) -> Vec<usize> {
         if !self.uses_streams {
-            return pending;
+            return Vec::new();
         }
         let max_bytes = cache.memo().store().cap() as f64 / 4.0;
         let bytes = |n: usize| {
@@ -238,7 +313,13 @@ impl<'j> PartialPhase<'j> {
         let policy = *cache.memo().policy();
         let chosen =
             memo::choose_streams(self.job.graph, &self.running(), &policy, &|n| self.seconds(n), &bytes);
-        for (n, _) in chosen {
+        chosen.into_iter().map(|(n, _)| n).collect()
+    }
+
+    /// Starts to write the streams that are worth caching by the estimated times.
+    fn start_streams(&self, values: &Values, cache: &mut RunCache<'_>) -> Vec<PendingStream> {
+        let mut pending = Vec::new();
+        for n in self.chosen(cache) {
             let ports = self.ports.get(&n).into_iter().flatten();
             let mut start =
                 |&(port, codec): &(usize, Codec)| self.start_stream(n, port, codec, values, cache);
@@ -307,7 +388,7 @@ impl<'j> PartialPhase<'j> {
         };
         let sources = self.cached.iter().map(|(n, all)| (*n, all.iter().map(source).collect())).collect();
         let mut streams = CachedStreams { first_tap: job.taps.len(), sources, pending };
-        let all_nodes = self.needed.len() == self.phase.nodes.len();
+        let all_nodes = self.hoisted.is_empty() && self.needed.len() == self.phase.nodes.len();
         if self.cached.is_empty() && streams.pending.is_empty() && all_nodes {
             return Ok(PhaseLayout { streams, replanned: None });
         }
@@ -323,9 +404,12 @@ impl<'j> PartialPhase<'j> {
     fn replan(&self, graph: &Graph, streams: &CachedStreams) -> Result<Phase, Vec<Diagnostic>> {
         let pending = streams.pending.iter().enumerate();
         let pending = pending.map(|(i, p)| (streams.first_tap + i, (p.node, p.port)));
-        let taps: Vec<_> = self.taps.iter().copied().chain(pending).collect();
-        let nodes = self.phase.nodes.iter().copied().filter(|n| self.needed.contains(n)).collect();
+        // Streams of later phases are written to their end, however short this phase is.
+        let (hoisted, pending): (Vec<_>, Vec<_>) = pending.partition(|(_, (n, _))| self.hoisted.contains(n));
         let planned = self.taps.iter().filter(|(k, _)| !self.job.taps[*k].is_observer()).count();
+        let planned = planned + hoisted.len();
+        let taps: Vec<_> = hoisted.into_iter().chain(self.taps.iter().copied()).chain(pending).collect();
+        let nodes = self.order.iter().copied().filter(|n| self.needed.contains(n)).collect();
         self.job.plan.replan_phase(graph, nodes, &taps, planned, self.job.threads)
     }
 
@@ -348,7 +432,18 @@ impl<'j> PartialPhase<'j> {
     ) -> Result<CachedStreams, Vec<Diagnostic>> {
         let PhaseLayout { streams, replanned } = match self.resumed.take() {
             Some(layout) => layout,
-            None => self.lay_out(self.start_streams(values, cache))?,
+            None => {
+                let layout = self.lay_out(self.start_streams(values, cache))?;
+                // Without room for all of them in memory, those of later phases stay there.
+                match self.own.take().filter(|_| layout.streams.pending.is_empty()) {
+                    None => layout,
+                    Some(own) => {
+                        (self.needed, self.cached) = own;
+                        self.hoisted.clear();
+                        self.lay_out(self.start_streams(values, cache))?
+                    }
+                }
+            }
         };
         let (graph, phase) = replanned.as_ref().map_or((self.job.graph, self.phase), |(g, p)| (g, p));
         let planned = self.phase.windows * self.phase.regions.len() as u64;

@@ -256,3 +256,57 @@ fn the_command_lists_cached_streams() {
     let text = why();
     assert!(text.contains("not kept") && text.contains("radius: 0.02 -> 0.03"), "{text}");
 }
+
+/// A short fold, and a sound that does not depend on it but is mixed with what does.
+fn folded() -> String {
+    let text = MODEL.replace(
+        "\"out\": WavOut(audio: \"sound\", path: \"sound.wav\"),",
+        "\"hiss\": Noise(colour: White, level: 0.1, rate: 48000, duration: Some(0.1)),
+        \"level\": Loudness(audio: \"hiss\"),
+        \"even\": Normalize(audio: \"hiss\", level: \"level\", peak_db: -20.0),
+        \"all\": Mix(inputs: [\"even\", \"sound\"]),
+        \"out\": WavOut(audio: \"all\", path: \"sound.wav\"),",
+    );
+    assert!(text.contains("Normalize"));
+    text
+}
+
+#[test]
+fn streams_of_a_later_phase_are_computed_while_an_earlier_one_runs() {
+    let text = folded();
+    let project = project(&text, ALL);
+    let record = |project: &Project| ["a.wav", "b.wav"].map(|name| project.record(name, 3));
+    record(&project);
+    // The second phase fails as it begins, and the first one has stored what the second would have read.
+    fs::create_dir(project.path("out")).unwrap();
+    fs::write(project.path("out/taken"), "").unwrap();
+    project.edit(&text.replace("\"sound.wav\"", "\"taken/sound.wav\""));
+    assert!(project.try_run().is_err());
+    let stored = |project: &Project| {
+        project.store().list().into_iter().filter_map(|l| l.entry).any(|e| e.node == "sound")
+    };
+    assert!(stored(&project));
+    project.edit(&text);
+    let report = project.run();
+    assert!(cached(&report, "sound") && cached(&report, "contacts"));
+    let wanted = without(&project, &PlanOptions::default(), "sound.wav");
+    assert_eq!(project.out("sound.wav"), wanted);
+    // From an empty cache, with another fold and with several threads: the sound runs once.
+    for threads in [1, 3] {
+        foley(&project, &["cache", "gc", "--all"]);
+        let project = Project { threads, policy: ALL, ..Project::new(&text) };
+        record(&project);
+        let first = project.run();
+        assert_eq!(project.out("sound.wav"), wanted, "{threads} threads");
+        assert!(calls(&first, "sound") > 0 && !cached(&first, "sound"));
+        project.edit(&text.replace("level: 0.1", "level: 0.05"));
+        let second = project.run();
+        assert!(cached(&second, "sound") && calls(&second, "level") > 0, "{second:?}");
+        assert_eq!(project.out("sound.wav"), without(&project, &PlanOptions::default(), "sound.wav"));
+    }
+    // What only later nodes need that are cached is not computed ahead.
+    project.edit(&text);
+    project.run();
+    project.edit(&text.replace("peak_db: -20.0", "peak_db: -30.0"));
+    assert_eq!(calls(&project.run(), "sound"), 0);
+}
