@@ -17,6 +17,7 @@ mod probe;
 mod progress;
 mod run;
 mod schema;
+mod table;
 mod test;
 mod text;
 mod watch;
@@ -116,6 +117,7 @@ pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
         Command::Nodes(args) => nodes::nodes(&args, registry),
         Command::Explain(args) => text::explain(&args),
         Command::Graph(args) => draw::draw(&args, registry),
+        Command::Table(args) => table::table(&args, registry),
         Command::Levels(args) => levels::levels(&args),
         Command::Likeness(args) => likeness::likeness(&args),
         Command::Cache(args) => cache::cache(&args, registry),

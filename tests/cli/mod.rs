@@ -11,6 +11,7 @@ mod new_projects;
 mod probe;
 mod refused;
 mod silence;
+mod table;
 mod test_files;
 mod times;
 mod tools;

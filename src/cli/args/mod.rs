@@ -2,9 +2,11 @@
 
 mod parse;
 mod probe;
+mod table;
 mod test;
 
 pub use probe::ProbeArgs;
+pub use table::{Column, TableArgs};
 pub use test::TestArgs;
 
 use crate::graph::{Limits, LoadOptions, Override};
@@ -74,6 +76,11 @@ pub enum Command {
     /// List the nodes of a graph with what they read and give, or draw it
     #[command(after_help = "Examples:\n  foley graph piece.ron\n  foley graph piece.ron --svg piece.svg")]
     Graph(DrawArgs),
+    /// Tabulate parameters of nodes over several graphs, and what runs report of them
+    #[command(
+        after_help = "Examples:\n  foley table graphs/cloth/*.ron --column contacts.radius --column speed.threshold\n  foley table a.ron b.ron --run -c contacts.time -c fit.nodes --csv"
+    )]
+    Table(TableArgs),
     /// Measure audio files: level, loudness, and where their energy lies
     #[command(after_help = "Examples:\n  foley levels out/sheet.wav\n  foley levels out/*.wav --json")]
     Levels(LevelsArgs),
