@@ -2,7 +2,8 @@
 
 use super::nodes::Nodes;
 use super::report::{FitError, FitReport, MAX_NODES, Stiffness};
-use crate::warp::spline::linear::{Cholesky, Reflection, Tridiagonal, dot};
+use crate::warp::spline::cholesky::Cholesky;
+use crate::warp::spline::linear::{Reflection, Tridiagonal, dot};
 use crate::warp::spline::{Pair, Tps};
 use std::sync::OnceLock;
 
@@ -37,11 +38,11 @@ pub(crate) struct Problem {
     nodes: Nodes,
     /// Roots of the weights.
     roots: Vec<f64>,
-    kernels: Vec<f64>,
     reflections: Vec<Reflection>,
     /// Upper triangle of the reflected P, column by column.
     triangle: Vec<Vec<f64>>,
-    /// Reflected kernels: positive definite without the rows and columns of the triangle.
+    /// Reflected kernels: positive definite without the rows and columns of the triangle. In the columns of the triangle
+    /// the entries below it are not valid.
     reduced: Vec<f64>,
     form: OnceLock<Form>,
 }
@@ -102,13 +103,8 @@ impl Problem {
     /// `Q2^T (K + lambda) Q2` as a product.
     fn factored(&self, lambda: f64) -> Option<Cholesky> {
         let (n, p) = (self.nodes.len(), self.triangle.len());
-        let (m, shift) = (n - p, self.scaled_lambda(lambda));
-        let mut core = Vec::with_capacity(m * m);
-        for (k, row) in self.reduced.chunks_exact(n.max(1)).skip(p).enumerate() {
-            core.extend_from_slice(&row[p..]);
-            core[k * m + k] += shift;
-        }
-        Cholesky::of(&core, m)
+        let rows: Vec<&[f64]> = self.reduced.chunks_exact(n.max(1)).skip(p).map(|row| &row[p..]).collect();
+        Cholesky::of(&rows, self.scaled_lambda(lambda))
     }
 
     /// Degrees of freedom, from the matrix of [`Problem::inverse`].
@@ -126,14 +122,12 @@ impl Problem {
             return Err(FitError::TooMany { found: n });
         }
         let roots: Vec<f64> = nodes.weights.iter().map(|w| w.sqrt()).collect();
-        let kernels = nodes.kernels(d, &roots);
         let mut this = Self {
             d,
             triangle: Vec::new(),
             reflections: Vec::new(),
-            reduced: kernels.clone(),
+            reduced: nodes.kernels(d, &roots),
             form: OnceLock::new(),
-            kernels,
             roots,
             nodes,
         };
@@ -141,6 +135,8 @@ impl Problem {
             let mut column = this.polynomial(k);
             this.reflections.iter().for_each(|r| r.apply(&mut column));
             let (reflection, onto) = Reflection::onto_axis(k, &column[k..]);
+            // The rows above are those of the triangle.
+            this.reduced.chunks_exact_mut(n).take(k).for_each(|row| reflection.apply(row));
             reflection.apply_both(&mut this.reduced, n);
             column.truncate(k);
             column.push(onto);
@@ -272,11 +268,12 @@ impl Problem {
             for (row, e) in rows.iter().zip(errors.get(i).into_iter().flatten()) {
                 left[*row] -= e;
             }
-            for (k, left) in left.iter_mut().enumerate() {
-                let row = &self.kernels[k * n..(k + 1) * n];
-                *left -= dot(row, w) + solution.lambda * w[k];
-            }
+            left.iter_mut().zip(w).for_each(|(left, w)| *left -= solution.lambda * w);
             let mut a = self.reflected(left);
+            let w = self.reflected(w.clone());
+            for (a, row) in a.iter_mut().zip(self.reduced.chunks_exact(n.max(1))).take(p) {
+                *a -= dot(row, &w);
+            }
             for k in (0..p).rev() {
                 let known: f64 = (k + 1..p).map(|j| self.triangle[j][k] * a[j]).sum();
                 a[k] = (a[k] - known) / self.triangle[k][k];

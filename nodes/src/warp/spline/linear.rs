@@ -1,7 +1,6 @@
-//! The linear algebra that a thin-plate fit needs: reflections, a tridiagonal form, inverses, singular values, determinants.
+//! The linear algebra that a thin-plate fit needs: reflections, a tridiagonal form, singular values, determinants.
 
 use fearless_simd::{Level, dispatch};
-use rayon::prelude::*;
 
 /// A reflection `1 - tau v v^T` that acts on the coordinates from `start` on.
 #[derive(Clone, Debug)]
@@ -135,109 +134,7 @@ impl Tridiagonal {
 }
 
 /// Pivots below this, relative to the largest diagonal entry, are zero but for rounding.
-const PIVOT: f64 = 1e-14;
-
-/// A symmetric positive definite matrix as the product of a lower triangle and its transpose.
-///
-/// Sums run along rows in a fixed order, so that the bits are the same on every machine.
-#[derive(Debug)]
-pub(crate) struct Cholesky {
-    n: usize,
-    /// Rows of the triangle.
-    lower: Vec<f64>,
-}
-
-impl Cholesky {
-    /// Factors a matrix of `n` rows, of which the lower triangle is read; `None` if it is not positive definite.
-    ///
-    /// # Complexity
-    /// n^3 / 6 multiplications and as many additions.
-    pub fn of(matrix: &[f64], n: usize) -> Option<Self> {
-        let largest = (0..n).fold(0.0_f64, |most, k| most.max(matrix[k * n + k].abs()));
-        let mut lower = matrix.to_vec();
-        dispatch!(Level::new(), _simd => factor(&mut lower, n, PIVOT * largest)).then_some(Self { n, lower })
-    }
-
-    /// Solves for each right side in place.
-    pub fn solve(&self, right: &mut [Vec<f64>]) {
-        let n = self.n;
-        for x in right {
-            for k in 0..n {
-                let row = &self.lower[k * n..(k + 1) * n];
-                x[k] = (x[k] - dot(&row[..k], &x[..k])) / row[k];
-            }
-            for k in (0..n).rev() {
-                let row = &self.lower[k * n..(k + 1) * n];
-                x[k] /= row[k];
-                let solved = x[k];
-                x[..k].iter_mut().zip(row).for_each(|(x, l)| *x -= l * solved);
-            }
-        }
-    }
-
-    /// Columns of the inverse of the triangle, each in a row of `n` numbers, on all cores.
-    ///
-    /// # Complexity
-    /// n^3 / 6 multiplications and as many additions.
-    fn inverse_columns(&self) -> Vec<f64> {
-        let n = self.n;
-        let mut columns = vec![0.0; n * n];
-        columns.par_chunks_exact_mut(n.max(1)).enumerate().for_each(|(i, x)| {
-            dispatch!(Level::new(), _simd => invert_column(&self.lower, n, i, x));
-        });
-        columns
-    }
-
-    /// Trace of the inverse: the sum of the squares of the inverse of the triangle.
-    pub fn trace_of_inverse(&self) -> f64 {
-        self.inverse_columns().chunks_exact(self.n.max(1)).map(|column| dot(column, column)).sum()
-    }
-
-    /// The inverse, `[n, n]`, symmetric to the bit.
-    pub fn inverse(&self) -> Vec<f64> {
-        let (n, columns) = (self.n, self.inverse_columns());
-        let mut out = vec![0.0; n * n];
-        out.par_chunks_exact_mut(n.max(1)).enumerate().for_each(|(i, out)| {
-            let own = &columns[i * n + i..(i + 1) * n];
-            for (out, other) in out.iter_mut().zip(columns.chunks_exact(n)).take(i + 1) {
-                *out = dot(own, &other[i..]);
-            }
-        });
-        for i in 0..n {
-            for j in i + 1..n {
-                out[i * n + j] = out[j * n + i];
-            }
-        }
-        out
-    }
-}
-
-/// Replaces a matrix by the rows of its lower factor; false at a pivot that is not above the least.
-#[inline(always)]
-fn factor(matrix: &mut [f64], n: usize, least: f64) -> bool {
-    for i in 0..n {
-        let (above, rest) = matrix.split_at_mut(i * n);
-        let row = &mut rest[..n];
-        for (j, other) in above.chunks_exact(n).enumerate() {
-            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
-        }
-        let pivot = row[i] - dot(&row[..i], &row[..i]);
-        if pivot.is_nan() || pivot <= least {
-            return false;
-        }
-        row[i] = pivot.sqrt();
-    }
-    true
-}
-
-/// Column `i` of the inverse of a lower triangle.
-#[inline(always)]
-fn invert_column(lower: &[f64], n: usize, i: usize, x: &mut [f64]) {
-    for (k, row) in lower.chunks_exact(n).enumerate().skip(i) {
-        let left = f64::from(u8::from(k == i)) - dot(&row[i..k], &x[i..k]);
-        x[k] = left / row[k];
-    }
-}
+pub(super) const PIVOT: f64 = 1e-14;
 
 /// Directions in which points spread, by one-sided Jacobi rotations: right singular vectors, each with its singular value, largest
 /// first.
@@ -320,14 +217,14 @@ pub(crate) fn solve_dense(matrix: &mut [f64], m: usize, right: &mut [Vec<f64>]) 
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn numbers(count: usize) -> Vec<f64> {
+    pub fn numbers(count: usize) -> Vec<f64> {
         (0..count).map(|k| ((k * k + 3 * k) as f64 * 0.7).sin()).collect()
     }
 
-    fn positive(n: usize) -> Vec<f64> {
+    pub fn positive(n: usize) -> Vec<f64> {
         let a = numbers(n * n);
         let entry = |i: usize, j: usize| (0..n).map(|k| a[i * n + k] * a[j * n + k]).sum::<f64>();
         (0..n * n).map(|k| entry(k / n, k % n) + f64::from(u8::from(k / n == k % n))).collect()
@@ -361,31 +258,6 @@ mod tests {
             .sum();
         assert!((trace - inverse).abs() < 1e-12);
         assert_eq!(form.solve(-1e3, &mut []), None);
-    }
-
-    #[test]
-    fn a_positive_matrix_is_inverted_as_by_elimination() {
-        for n in [1, 2, 9, 40] {
-            let a = positive(n);
-            let factor = Cholesky::of(&a, n).unwrap();
-            let found = factor.inverse();
-            for k in 0..n {
-                let mut axis = [(0..n).map(|i| f64::from(u8::from(i == k))).collect::<Vec<_>>()];
-                solve_dense(&mut a.clone(), n, &mut axis);
-                let row = &found[k * n..(k + 1) * n];
-                assert!(row.iter().zip(&axis[0]).all(|(x, y)| (x - y).abs() < 1e-9), "{n} {k}");
-                assert!((0..n).all(|i| row[i] == found[i * n + k]), "symmetric to the bit");
-            }
-            let trace: f64 = (0..n).map(|k| found[k * n + k]).sum();
-            assert!((factor.trace_of_inverse() - trace).abs() < 1e-9 * trace);
-            let (b, mut right) = (numbers(n), [numbers(n), numbers(n)]);
-            factor.solve(&mut right);
-            let product = |x: &[f64], i: usize| dot(&a[i * n..(i + 1) * n], x);
-            assert!(right.iter().all(|x| (0..n).all(|i| (product(x, i) - b[i]).abs() < 1e-9)));
-        }
-        assert!(Cholesky::of(&[], 0).unwrap().inverse().is_empty());
-        assert!(Cholesky::of(&[1.0, 2.0, 2.0, 1.0], 2).is_none(), "not positive");
-        assert!(Cholesky::of(&[1.0, 1.0, 1.0, 1.0], 2).is_none(), "singular");
     }
 
     #[test]

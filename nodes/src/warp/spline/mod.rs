@@ -1,6 +1,7 @@
 //! Thin-plate splines: evaluation, kernel and linear algebra.
 
 pub(crate) mod batch;
+pub(crate) mod cholesky;
 pub(crate) mod kernel;
 pub(crate) mod linear;
 pub mod pair;
