@@ -73,21 +73,39 @@ impl Search {
 }
 
 impl KdTree {
-    /// Builds the tree over `points`, `dims` coordinates for each label.
+    /// Builds the tree over `points`, `dims` coordinates for each label, on all cores.
     #[must_use]
     pub fn new(labels: &[u32], points: &[f32], dims: usize) -> Self {
+        let mut points = points.chunks_exact(dims.max(1));
+        Self::from_fn(labels, dims, |_, point| {
+            points.next().into_iter().for_each(|new| point.copy_from_slice(new));
+        })
+    }
+
+    /// Builds the tree over the points that `set` sets for each label in turn, on all cores.
+    #[must_use]
+    pub fn from_fn(labels: &[u32], dims: usize, mut set: impl FnMut(u32, &mut [f32])) -> Self {
+        let mut points = Points::new(labels.len(), dims);
+        for (label, row) in labels.iter().zip(points.rows_mut()) {
+            set(*label, row);
+        }
+        // Few lanes are empty.
+        let leaves = labels.len() / (LANES - 1) + 1;
+        let nodes = leaves / (LANES / 2) + 1;
         let mut tree = Self {
             dims,
-            nodes: Vec::new(),
-            boxes: Vec::new(),
-            leaves: Vec::new(),
-            points: Vec::new(),
+            nodes: Vec::with_capacity(nodes),
+            boxes: Vec::with_capacity(2 * dims * nodes),
+            leaves: Vec::with_capacity(leaves),
+            points: Vec::with_capacity(dims * leaves),
             root: None,
-            extent: points.iter().fold(0.0, |extent, x| extent.max(f64::from(x.abs()))),
+            extent: 0.0,
         };
-        let mut order: Vec<u32> = (0..labels.len() as u32).collect();
         if !labels.is_empty() {
-            tree.root = Some(Builder { tree: &mut tree, labels, points }.build(&mut order));
+            let mut keys: Vec<u64> = (0..labels.len() as u64).collect();
+            points.arrange(&mut keys, children(labels.len()));
+            tree.root = Some(Builder { tree: &mut tree, labels, points: &points }.build(&keys));
+            tree.extent = points.extent(&keys);
         }
         tree
     }
@@ -251,84 +269,173 @@ pub fn squared(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)) * (f64::from(*a) - f64::from(*b))).sum()
 }
 
+/// Coordinates that a vector register of any processor holds.
+const QUAD: usize = 4;
+
+/// Number of points from which on two threads put them in order.
+const SHARED: usize = 4096;
+
+/// Number of children of a node over some points: as many as a tree of this height needs, each with as many points.
+fn children(points: usize) -> usize {
+    let mut most = LANES;
+    while most * LANES < points {
+        most *= LANES;
+    }
+    points.div_ceil(most)
+}
+
+/// Number of points in the first half of some parts: whole leaves, so that few lanes are empty.
+fn middle(points: usize, parts: usize) -> usize {
+    (points * (parts / 2) / parts).next_multiple_of(LANES).min(points - 1)
+}
+
+/// The point of a key.
+fn point(key: u64) -> usize {
+    key as u32 as usize
+}
+
+/// A number whose order is that of [`f32::total_cmp`].
+fn in_order(x: f32) -> u32 {
+    let bits = x.to_bits();
+    bits ^ ((bits as i32 >> 31) as u32 | 1 << 31)
+}
+
+/// Points while a tree is built over them.
+struct Points {
+    dims: usize,
+    /// Number of quads of a point.
+    quads: usize,
+    /// Coordinates of point after point, each with zeros up to whole quads.
+    coordinates: Vec<[f32; QUAD]>,
+}
+
+impl Points {
+    fn new(count: usize, dims: usize) -> Self {
+        let quads = dims.div_ceil(QUAD);
+        Self { dims, quads, coordinates: vec![[0.0; QUAD]; count * quads] }
+    }
+
+    fn rows_mut(&mut self) -> impl Iterator<Item = &mut [f32]> {
+        let dims = self.dims;
+        self.coordinates
+            .chunks_exact_mut(self.quads.max(1))
+            .map(move |quads| &mut quads.as_flattened_mut()[..dims])
+    }
+
+    fn row(&self, point: usize) -> &[f32] {
+        &self.coordinates[point * self.quads..][..self.quads].as_flattened()[..self.dims]
+    }
+
+    /// The ends of the box around some points, for the axes of quad `k`.
+    fn ends(&self, keys: &[u64], k: usize) -> [[f32; QUAD]; 2] {
+        let (mut low, mut high) = ([f32::INFINITY; QUAD], [f32::NEG_INFINITY; QUAD]);
+        for key in keys {
+            let quad = &self.coordinates[point(*key) * self.quads + k];
+            low.iter_mut().zip(quad).for_each(|(low, x)| *low = if *x < *low { *x } else { *low });
+            high.iter_mut().zip(quad).for_each(|(high, x)| *high = if *x > *high { *x } else { *high });
+        }
+        [low, high]
+    }
+
+    /// Largest magnitude of a coordinate of some points.
+    fn extent(&self, keys: &[u64]) -> f64 {
+        let ends = (0..self.quads).flat_map(|k| {
+            let [low, high] = self.ends(keys, k);
+            low.into_iter().zip(high)
+        });
+        // Not those of an axis without numbers.
+        let magnitudes = ends.filter(|(low, high)| low <= high).map(|(low, high)| f64::from(high.max(-low)));
+        magnitudes.fold(0.0, f64::max)
+    }
+
+    /// The axis along which some points spread most; of equals the last.
+    fn widest(&self, keys: &[u64]) -> usize {
+        let widths = (0..self.quads).flat_map(|k| {
+            let [low, high] = self.ends(keys, k);
+            std::array::from_fn::<f32, QUAD, _>(|k| high[k] - low[k])
+        });
+        let widest = widths.take(self.dims).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+        widest.map_or(0, |(axis, _)| axis)
+    }
+
+    /// Puts the keys of points in the order of the leaves, on all cores: each of `parts` parts in turn lies in a box of its own, and is ordered
+    /// in the same way as a node. The lower half of a key is the number of a point.
+    fn arrange(&self, keys: &mut [u64], parts: usize) {
+        if parts <= 1 {
+            if keys.len() > LANES {
+                self.arrange(keys, children(keys.len()));
+            }
+            return;
+        }
+        let axis = self.widest(keys);
+        // Of equal coordinates the first point is first.
+        for key in &mut *keys {
+            let x = self.coordinates[point(*key) * self.quads + axis / QUAD][axis % QUAD];
+            *key = u64::from(in_order(x)) << 32 | u64::from(*key as u32);
+        }
+        let (count, middle) = (keys.len(), middle(keys.len(), parts));
+        keys.select_nth_unstable(middle);
+        let (low, high) = keys.split_at_mut(middle);
+        let mut low = || self.arrange(low, parts / 2);
+        let mut high = || self.arrange(high, parts - parts / 2);
+        if count < SHARED {
+            low();
+            high();
+        } else {
+            rayon::join(low, high);
+        }
+    }
+}
+
 /// What the tree is built of.
 struct Builder<'a> {
     tree: &'a mut KdTree,
     labels: &'a [u32],
-    points: &'a [f32],
+    points: &'a Points,
 }
 
 impl Builder<'_> {
-    fn point(&self, at: u32) -> &[f32] {
-        let dims = self.tree.dims;
-        &self.points[at as usize * dims..][..dims]
-    }
-
-    /// Builds the subtree over some points; returns its number.
-    fn build(&mut self, order: &mut [u32]) -> u32 {
-        if order.len() <= LANES {
-            return self.leaf(order);
+    /// Builds the subtree over points in the order of the leaves; returns its number.
+    fn build(&mut self, keys: &[u64]) -> u32 {
+        if keys.len() <= LANES {
+            return self.leaf(keys);
         }
-        // As many children as a tree of this height needs, each with as many points.
-        let mut most = LANES;
-        while most * LANES < order.len() {
-            most *= LANES;
-        }
-        let mut parts = Vec::with_capacity(LANES);
-        self.split(order, order.len().div_ceil(most), &mut parts);
         let number = self.tree.nodes.len();
-        let dims = self.tree.dims;
-        self.tree.nodes.push(Node { entries: [0; LANES], count: parts.len() as u32 });
-        self.tree.boxes.resize(self.tree.boxes.len() + 2 * dims, Row([0.0; LANES]));
-        let mut rest = order;
-        for (lane, size) in parts.into_iter().enumerate() {
-            let (part, after) = rest.split_at_mut(size);
-            rest = after;
-            for axis in 0..dims {
-                let (low, high) = self.range(part, axis);
-                let ends = 2 * (dims * number + axis);
-                self.tree.boxes[ends].0[lane] = low;
-                self.tree.boxes[ends + 1].0[lane] = high;
-            }
-            self.tree.nodes[number].entries[lane] = self.build(part);
-        }
+        self.tree.nodes.push(Node { entries: [0; LANES], count: 0 });
+        self.tree.boxes.resize(self.tree.boxes.len() + 2 * self.tree.dims, Row([0.0; LANES]));
+        self.add_children(number, keys, children(keys.len()));
         number as u32
     }
 
-    /// Orders points so that each of `parts` parts in turn lies in a box of its own, and appends the sizes of the parts.
-    fn split(&self, order: &mut [u32], parts: usize, sizes: &mut Vec<usize>) {
-        if parts <= 1 {
-            return sizes.push(order.len());
+    /// Adds some parts to a node.
+    fn add_children(&mut self, number: usize, keys: &[u64], parts: usize) {
+        if parts > 1 {
+            let (low, high) = keys.split_at(middle(keys.len(), parts));
+            self.add_children(number, low, parts / 2);
+            return self.add_children(number, high, parts - parts / 2);
         }
-        let width = |axis: &usize| {
-            let (low, high) = self.range(order, *axis);
-            high - low
-        };
-        let axis = (0..self.tree.dims).max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(0);
-        let below = parts / 2;
-        // Whole leaves, so that few lanes are empty.
-        let middle = (order.len() * below / parts).next_multiple_of(LANES).min(order.len() - 1);
-        order.select_nth_unstable_by(middle, |a, b| {
-            self.point(*a)[axis].total_cmp(&self.point(*b)[axis]).then(a.cmp(b))
-        });
-        let (low, high) = order.split_at_mut(middle);
-        self.split(low, below, sizes);
-        self.split(high, parts - below, sizes);
+        let child = self.build(keys);
+        let node = &mut self.tree.nodes[number];
+        let lane = node.count as usize;
+        node.entries[lane] = child;
+        node.count += 1;
+        let boxes = &mut self.tree.boxes[2 * self.tree.dims * number..][..2 * self.tree.dims];
+        for (k, rows) in boxes.chunks_mut(2 * QUAD).enumerate() {
+            let [low, high] = self.points.ends(keys, k);
+            for (rows, (low, high)) in rows.chunks_exact_mut(2).zip(low.into_iter().zip(high)) {
+                (rows[0].0[lane], rows[1].0[lane]) = (low, high);
+            }
+        }
     }
 
-    fn range(&self, order: &[u32], axis: usize) -> (f32, f32) {
-        let coordinates = order.iter().map(|at| self.point(*at)[axis]);
-        coordinates.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
-    }
-
-    fn leaf(&mut self, order: &[u32]) -> u32 {
-        let mut leaf = Node { entries: [0; LANES], count: order.len() as u32 };
+    fn leaf(&mut self, keys: &[u64]) -> u32 {
+        let mut leaf = Node { entries: [0; LANES], count: keys.len() as u32 };
         let first = self.tree.points.len();
         self.tree.points.resize(first + self.tree.dims, Row([0.0; LANES]));
-        for (lane, at) in order.iter().enumerate() {
-            leaf.entries[lane] = self.labels[*at as usize];
-            for axis in 0..self.tree.dims {
-                self.tree.points[first + axis].0[lane] = self.point(*at)[axis];
+        for (lane, key) in keys.iter().enumerate() {
+            leaf.entries[lane] = self.labels[point(*key)];
+            for (row, x) in self.tree.points[first..].iter_mut().zip(self.points.row(point(*key))) {
+                row.0[lane] = *x;
             }
         }
         self.tree.leaves.push(leaf);
@@ -381,6 +488,67 @@ mod tests {
                 assert_eq!(nearest.map(|(least, _)| least), Some(distances[0]));
                 let own = found(&tree, &points[..dims], 0.0, &mut search);
                 assert!(own.contains(&0));
+            }
+        }
+    }
+
+    /// Labels of the leaves in turn, by comparisons of the points themselves.
+    fn plain_leaves(
+        points: &[f32],
+        dims: usize,
+        order: &mut [usize],
+        parts: usize,
+        leaves: &mut Vec<Vec<u32>>,
+    ) {
+        if parts > 1 {
+            let x = |at: usize, axis: usize| points[at * dims + axis];
+            let width = |axis: usize| {
+                let ends = order.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], at| {
+                    [low.min(x(*at, axis)), high.max(x(*at, axis))]
+                });
+                ends[1] - ends[0]
+            };
+            let axis = (0..dims).max_by(|a, b| width(*a).total_cmp(&width(*b))).unwrap();
+            let middle = middle(order.len(), parts);
+            order.select_nth_unstable_by(middle, |a, b| x(*a, axis).total_cmp(&x(*b, axis)).then(a.cmp(b)));
+            let (low, high) = order.split_at_mut(middle);
+            plain_leaves(points, dims, low, parts / 2, leaves);
+            plain_leaves(points, dims, high, parts - parts / 2, leaves);
+        } else if order.len() > LANES {
+            plain_leaves(points, dims, order, children(order.len()), leaves);
+        } else {
+            leaves.push(order.iter().map(|at| 3 * *at as u32).collect());
+        }
+    }
+
+    #[test]
+    fn keys_split_points_as_comparisons_do() {
+        let mut rng = Rng::new(3);
+        for (count, dims) in
+            [(1, 1), (2, 3), (9, 4), (40, 5), (67, 3), (130, 8), (257, 2), (5000, 3), (5000, 6)]
+        {
+            for ties in [false, true] {
+                let mut number = || {
+                    let x = rng.between(-3.0, 3.0) as f32;
+                    if ties { x.round() + 0.0 } else { x }
+                };
+                let points: Vec<f32> = (0..count * dims).map(|_| number()).collect();
+                let labels: Vec<u32> = (0..count as u32).map(|at| 3 * at).collect();
+                let (mut order, mut wanted): (Vec<usize>, _) = ((0..count).collect(), Vec::new());
+                plain_leaves(&points, dims, &mut order, children(count), &mut wanted);
+                for threads in [1, 3] {
+                    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                    let tree = pool.install(|| KdTree::new(&labels, &points, dims));
+                    let leaves = tree.leaves.iter().map(|leaf| &leaf.entries[..leaf.count as usize]);
+                    assert!(leaves.eq(wanted.iter().map(Vec::as_slice)), "{count} {dims} {ties}");
+                    for (label, point) in tree.items() {
+                        assert_eq!(point, points[label as usize / 3 * dims..][..dims]);
+                    }
+                    assert_eq!(
+                        tree.extent,
+                        points.iter().fold(0.0, |most, x| f64::max(most, f64::from(x.abs())))
+                    );
+                }
             }
         }
     }
