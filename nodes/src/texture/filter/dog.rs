@@ -9,11 +9,10 @@
 
 use super::kernel::Kernel;
 use super::masked::smooth_masked;
-use super::separable::blur;
-use super::simd::{LANES, exp2, load, store};
+use super::separable::{Join, blur};
+use super::simd::exp2;
 use crate::texture::grid::{Grid, Wrap};
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f32x16};
 use std::f32::consts::LOG2_E;
 
 /// Number of standard deviations at which the Gaussians are cut off.
@@ -44,9 +43,7 @@ impl Default for DogParams {
 /// `O(pixels * sigma)`, with a few rows of memory per thread in addition to the result.
 #[must_use]
 pub fn difference(image: &Grid, params: DogParams, wrap: Wrap) -> Grid {
-    rows(image, params, wrap, |level, narrow, wide, out| {
-        dispatch!(level, simd => subtract(simd, narrow, wide, params.tau as f32, out));
-    })
+    blur_both(image, params, wrap, &Difference { tau: params.tau as f32 })
 }
 
 /// Returns the features, 0 to 1, of a luminance from 0 to 100.
@@ -57,12 +54,7 @@ pub fn difference(image: &Grid, params: DogParams, wrap: Wrap) -> Grid {
 pub fn features(image: &Grid, params: DogParams, wrap: Wrap) -> Grid {
     // -tanh(phi d) = (1 - e) / (1 + e) with e = exp(2 phi d).
     let steep = 2.0 * params.phi_e as f32 * LOG2_E;
-    rows(image, params, wrap, |level, narrow, wide, out| {
-        dispatch!(level, simd => {
-            subtract(simd, narrow, wide, params.tau as f32, out);
-            soft_threshold(simd, steep, out);
-        });
-    })
+    blur_both(image, params, wrap, &Features { difference: Difference { tau: params.tau as f32 }, steep })
 }
 
 /// Returns the features of an image with holes, which have no features and no influence.
@@ -81,36 +73,44 @@ pub fn features_masked(image: &Grid, holes: &[bool], params: DogParams, wrap: Wr
     narrow
 }
 
-/// Blurs by both Gaussians, and joins the results tile by tile.
-fn rows(
-    image: &Grid,
-    params: DogParams,
-    wrap: Wrap,
-    join: impl Fn(Level, &[f32], &[f32], &mut [f32]) + Sync,
-) -> Grid {
+/// Blurs by both Gaussians, and combines the results of each pixel.
+fn blur_both(image: &Grid, params: DogParams, wrap: Wrap, join: &impl Join<2>) -> Grid {
     let [narrow, wide] = [1.0, params.ratio].map(|r| Kernel::gaussian(r * params.sigma_e, TRUNCATE));
-    blur(image, [&narrow, &wide], wrap, |level, [a, b], out| join(level, a, b, out))
+    blur(image, [&narrow, &wide], wrap, join)
 }
 
-#[inline(always)]
-fn subtract<S: Simd>(simd: S, narrow: &[f32], wide: &[f32], tau: f32, out: &mut [f32]) {
-    let tau = f32x16::splat(simd, -tau);
-    for at in (0..out.len()).step_by(LANES) {
-        store(load(simd, wide, at).mul_add(tau, load(simd, narrow, at)), out, at);
+/// The narrow Gaussian minus `tau` times the wide one.
+struct Difference {
+    tau: f32,
+}
+
+impl Join<2> for Difference {
+    #[inline(always)]
+    fn join<S: Simd>(&self, simd: S, [narrow, wide]: [S::f32s; 2]) -> S::f32s {
+        wide.mul_add(S::f32s::splat(simd, -self.tau), narrow)
     }
 }
 
-#[inline(always)]
-fn soft_threshold<S: Simd>(simd: S, steep: f32, out: &mut [f32]) {
-    let zero = f32x16::splat(simd, 0.0);
-    for at in (0..out.len()).step_by(LANES) {
-        let e = exp2(simd, load(simd, out, at).min(zero) * steep);
-        store((1.0 - e) / (1.0 + e), out, at);
+/// The soft threshold of a difference.
+struct Features {
+    difference: Difference,
+    /// Factor of the difference in an exponent of base 2.
+    steep: f32,
+}
+
+impl Join<2> for Features {
+    #[inline(always)]
+    fn join<S: Simd>(&self, simd: S, blurred: [S::f32s; 2]) -> S::f32s {
+        let difference = self.difference.join(simd, blurred);
+        let one = S::f32s::splat(simd, 1.0);
+        let e = exp2(simd, difference.min(S::f32s::splat(simd, 0.0)) * self.steep);
+        (one - e) / (one + e)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::separable::smooth;
     use super::*;
     use crate::core::random::Rng;
 
@@ -147,6 +147,23 @@ mod tests {
         }
         let flat = difference(&Grid::from_fn(20, 20, |_, _| 40.0), DogParams::default(), Wrap::Repeat);
         assert!(flat.samples.iter().all(|d| (d - 0.08).abs() < 1e-4));
+    }
+
+    #[test]
+    fn the_difference_is_that_of_two_blurred_images() {
+        let mut rng = Rng::new(7);
+        let params = DogParams { sigma_e: 1.0, ratio: 1.6, tau: 0.9, ..DogParams::default() };
+        let kernels = [1.0, 1.6].map(|sigma| Kernel::gaussian(sigma, TRUNCATE));
+        for (width, height) in [(1, 1), (3, 7), (65, 33), (7, 150), (1100, 5)] {
+            let image = Grid::from_fn(width, height, |_, _| rng.between(0.0, 100.0) as f32);
+            for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+                let [narrow, wide] = kernels.each_ref().map(|kernel| smooth(&image, kernel, wrap));
+                let d = difference(&image, params, wrap);
+                for (d, (narrow, wide)) in d.samples.iter().zip(narrow.samples.iter().zip(&wide.samples)) {
+                    assert!((d - (narrow - 0.9 * wide)).abs() < 4e-5, "{width}x{height} {wrap:?}");
+                }
+            }
+        }
     }
 
     #[test]

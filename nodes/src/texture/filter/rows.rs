@@ -1,4 +1,4 @@
-//! Parallel loops over the rows of a grid, and the padding of a row.
+//! Parallel loops over the rows of a grid, and the continuation of a row.
 
 use crate::texture::grid::{Grid, Wrap};
 use rayon::prelude::*;
@@ -45,12 +45,18 @@ pub(super) fn map_row_pairs<T>(
     [first, second].map(|samples| Grid { width, height, samples })
 }
 
-/// Fills the `radius` samples before and after a row of `width` pixels by its continuation.
-pub(super) fn pad(line: &mut [f32], radius: usize, width: usize, wrap: Wrap) {
-    for t in 0..radius {
-        let before = line[radius + wrap.index(t as i64 - radius as i64, width)];
-        line[t] = before;
-        let after = line[radius + wrap.index((width + t) as i64, width)];
-        line[radius + width + t] = after;
+/// Rows that a task of a filter computes from rows above and below as well: enough to outweigh those, few enough for all threads.
+pub(super) fn strip_rows(height: usize) -> usize {
+    height.div_ceil(4 * rayon::current_num_threads()).next_multiple_of(8).max(64)
+}
+
+/// Copies pixels of a continued row, from column `from` on.
+pub(super) fn copy_continued(row: &[f32], from: i64, wrap: Wrap, out: &mut [f32]) {
+    let before = from.saturating_neg().clamp(0, out.len() as i64) as usize;
+    let rest = row.get(from.max(0) as usize..).unwrap_or_default();
+    let inside = rest.len().min(out.len() - before);
+    out[before..before + inside].copy_from_slice(&rest[..inside]);
+    for k in (0..before).chain(before + inside..out.len()) {
+        out[k] = row[wrap.index(from + k as i64, row.len())];
     }
 }

@@ -1,21 +1,45 @@
-//! Separable filters over images: symmetric kernels along columns, then along rows.
+//! Separable filters over images: symmetric kernels along rows, then along columns.
 //!
-//! Rows are computed in parallel, each from the image alone, so that the result does not depend on the number of threads.
+//! Strips of rows are computed in parallel, each from the image alone, so that the result does not depend on the number of threads.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "iterators over vectors are not always inlined into code for wider registers"
+)]
 
 use super::kernel::Kernel;
-use super::simd::{BLOCK, LANES, load_block, store_block};
+use super::rows::{copy_continued, strip_rows};
 use crate::texture::grid::{Grid, Wrap};
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f32x16};
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Pixels of a row that are blurred together.
-pub(super) const TILE: usize = 256;
-/// Rows that one task blurs.
-const STRIP: usize = 128;
+/// Pixels of a row that are filtered together: the rows of a ring stay in the second-level cache.
+const TILE: usize = 1024;
+/// Rows that are filtered along y together: each row of the ring is read once for all of them.
+const GROUP: usize = 4;
+/// Vectors that are filtered along x together.
+const BLOCK: usize = 4;
+/// Greatest number of pixels in [`BLOCK`] vectors.
+const MAX_BLOCK: usize = 16 * BLOCK;
 /// Samples from one row of a ring to the next. It is no power of two, so that rows do not share cache sets.
-const PITCH: usize = TILE + LANES;
+const PITCH: usize = TILE + MAX_BLOCK;
+
+/// Result of a pixel from the sums of several kernels.
+pub(super) trait Join<const N: usize>: Sync {
+    /// Combines the sums of a vector of pixels.
+    fn join<S: Simd>(&self, simd: S, sums: [S::f32s; N]) -> S::f32s;
+}
+
+/// The sum of a single kernel.
+struct Single;
+
+impl Join<1> for Single {
+    #[inline(always)]
+    fn join<S: Simd>(&self, _: S, [sum]: [S::f32s; 1]) -> S::f32s {
+        sum
+    }
+}
 
 /// Blurs an image by the same kernel along both axes.
 ///
@@ -26,134 +50,192 @@ pub fn smooth(image: &Grid, kernel: &Kernel, wrap: Wrap) -> Grid {
     if kernel.radius() == 0 {
         return image.clone();
     }
-    blur(image, [kernel], wrap, |_, [row], out| out.iter_mut().zip(row).for_each(|(out, x)| *out = *x))
+    blur(image, [kernel], wrap, &Single)
 }
 
-/// Blurs an image by several kernels at once; `join` combines the results, one tile of a row at a time.
-///
-/// Tiles stay in the first-level cache: rows are filtered into a ring buffer of lines, then columns are filtered over the ring.
+/// Blurs an image by several kernels at once, and combines the results of each pixel.
 pub(super) fn blur<const N: usize>(
     image: &Grid,
     kernels: [&Kernel; N],
     wrap: Wrap,
-    join: impl Fn(Level, &[[f32; TILE]; N], &mut [f32]) + Sync,
+    join: &impl Join<N>,
 ) -> Grid {
     let (width, height, level) = (image.width, image.height, Level::new());
-    let radius = kernels.iter().map(|kernel| kernel.radius()).max().unwrap_or_default();
-    let weight = |kernel: &Kernel, t: usize| kernel.weights().get(t).copied().unwrap_or_default();
-    let weights: Vec<[f32; N]> = (0..=radius).map(|t| kernels.map(|kernel| weight(kernel, t))).collect();
     let mut samples = vec![0.0; width * height];
-    if width == 0 {
-        return Grid { width, height, samples };
+    if width > 0 {
+        let rows = strip_rows(height);
+        samples.par_chunks_mut(width * rows).enumerate().for_each(|(strip, out)| {
+            let mut ring = Ring::new(image, kernels, wrap);
+            dispatch!(level, simd => ring.strip(simd, strip * rows, out, join));
+        });
     }
-    samples.par_chunks_mut(width * STRIP).enumerate().for_each(|(strip, out)| {
-        let mut ring = Ring::new(&weights);
-        for from in (0..width).step_by(TILE) {
-            let tile = from..(from + TILE).min(width);
-            for k in 0..out.len() / width + 2 * radius {
-                let row = image.row((strip * STRIP + k) as i64 - radius as i64, wrap);
-                ring.read(row, tile.clone(), wrap);
-                dispatch!(level, simd => ring.along(simd, k));
-                let Some(y) = k.checked_sub(2 * radius) else { continue };
-                dispatch!(level, simd => ring.down(simd, k));
-                let part = out.get_mut(y * width + tile.start..y * width + tile.end);
-                join(level, &ring.output, part.unwrap_or_default());
-            }
-        }
-    });
     Grid { width, height, samples }
 }
 
-/// Ring buffer of the filtered rows of a tile that the column filters need.
+/// Ring buffer of the rows of a tile that are filtered along x.
 struct Ring<'a, const N: usize> {
+    image: &'a Grid,
+    wrap: Wrap,
+    kernels: [&'a Kernel; N],
     /// Weights of all kernels from the middle outwards, padded with zeros.
-    weights: &'a [[f32; N]],
-    /// A padded part of a row.
+    weights: Vec<[f32; N]>,
+    /// A part of a row near an end, with its surroundings.
     padded: Vec<f32>,
-    /// Filtered parts, of row `k` at index `k` modulo their count.
+    /// For each row in the ring, the results of all kernels.
     rows: Vec<[[f32; PITCH]; N]>,
-    /// One row of the result of each kernel.
-    output: [[f32; TILE]; N],
+    /// Indices in `rows` of the rows around a group, from the top.
+    order: Vec<usize>,
 }
 
 impl<'a, const N: usize> Ring<'a, N> {
-    fn new(weights: &'a [[f32; N]]) -> Self {
-        let length = 2 * weights.len() - 1;
-        let padded = vec![0.0; TILE + length];
-        Self { weights, padded, rows: vec![[[0.0; PITCH]; N]; length], output: [[0.0; TILE]; N] }
-    }
-
-    /// Reads a part of a row with its surroundings.
-    fn read(&mut self, row: &[f32], tile: Range<usize>, wrap: Wrap) {
-        let radius = self.weights.len() - 1;
-        let (from, to) = (tile.start.saturating_sub(radius), (tile.end + radius).min(row.len()));
-        let before = radius + from - tile.start;
-        let inside = self.padded.get_mut(before..before + to - from).unwrap_or_default();
-        inside.copy_from_slice(row.get(from..to).unwrap_or_default());
-        let after = before + to - from..tile.len() + 2 * radius;
-        for k in (0..before).chain(after) {
-            self.padded[k] = row[wrap.index((tile.start + k) as i64 - radius as i64, row.len())];
+    fn new(image: &'a Grid, kernels: [&'a Kernel; N], wrap: Wrap) -> Self {
+        let radius = kernels.iter().map(|kernel| kernel.radius()).max().unwrap_or_default();
+        let weight = |kernel: &Kernel, t: usize| kernel.weights().get(t).copied().unwrap_or_default();
+        let count = 2 * radius + GROUP;
+        Self {
+            image,
+            wrap,
+            kernels,
+            weights: (0..=radius).map(|t| kernels.map(|kernel| weight(kernel, t))).collect(),
+            padded: vec![0.0; TILE + MAX_BLOCK + 2 * radius],
+            rows: vec![[[0.0; PITCH]; N]; count],
+            order: (0..count).collect(),
         }
     }
 
-    /// Filters row `k` along x by all kernels.
+    /// Pixels to either side of the middle of the widest kernel.
+    fn radius(&self) -> usize {
+        self.weights.len() - 1
+    }
+
+    /// Filters the rows of `out`, the first of which is row `top` of the image.
     #[inline(always)]
-    fn along<S: Simd>(&mut self, simd: S, k: usize) {
-        let radius = self.weights.len() - 1;
-        let index = k % self.rows.len();
+    fn strip<S: Simd>(&mut self, simd: S, top: usize, out: &mut [f32], join: &impl Join<N>) {
+        let (width, radius) = (self.image.width, self.radius());
+        for from in (0..width).step_by(TILE) {
+            let tile = from..(from + TILE).min(width);
+            let mut next = top as i64 - radius as i64;
+            for k in 0..2 * radius {
+                self.along(simd, next, self.order[GROUP + k], tile.clone());
+                next += 1;
+            }
+            for group in out.chunks_mut(GROUP * width) {
+                self.order.rotate_left(GROUP);
+                for k in 0..group.len() / width {
+                    self.along(simd, next, self.order[2 * radius + k], tile.clone());
+                    next += 1;
+                }
+                self.down(simd, group, tile.clone(), join);
+            }
+        }
+    }
+
+    /// Filters a tile of row `y` along x, into row `index` of the ring.
+    #[inline(always)]
+    fn along<S: Simd>(&mut self, simd: S, y: i64, index: usize, tile: Range<usize>) {
+        let (radius, step) = (self.weights.len() - 1, BLOCK * S::f32s::LEN);
+        let row = self.image.row(y, self.wrap);
+        let len = tile.len().next_multiple_of(step);
+        let inside = tile.start.checked_sub(radius).and_then(|from| row.get(from..tile.start + len + radius));
+        let source = match inside {
+            Some(inside) => inside,
+            None => {
+                let padded = &mut self.padded[..tile.len() + 2 * radius];
+                copy_continued(row, tile.start as i64 - radius as i64, self.wrap, padded);
+                &self.padded
+            }
+        };
         let (Some((middle, outer)), Some(out)) = (self.weights.split_first(), self.rows.get_mut(index))
         else {
             return;
         };
-        for at in (0..TILE).step_by(BLOCK) {
-            let own = load_block(simd, &self.padded, at + radius);
-            let mut sums: [[f32x16<S>; 4]; N] = std::array::from_fn(|n| own.map(|x| x * middle[n]));
+        for at in (0..len).step_by(step) {
+            let own = load::<S>(simd, source, at + radius);
+            let mut sums = [own; N];
+            for n in 0..N {
+                for k in 0..BLOCK {
+                    sums[n][k] *= middle[n];
+                }
+            }
             for (t, weights) in outer.iter().enumerate() {
-                let a = load_block(simd, &self.padded, at + radius - t - 1);
-                let b = load_block(simd, &self.padded, at + radius + t + 1);
-                add_pair(simd, a, b, weights, &mut sums);
+                let a = load::<S>(simd, source, at + radius - t - 1);
+                let b = load::<S>(simd, source, at + radius + t + 1);
+                for k in 0..BLOCK {
+                    let pair = a[k] + b[k];
+                    for n in 0..N {
+                        sums[n][k] = pair.mul_add(S::f32s::splat(simd, weights[n]), sums[n][k]);
+                    }
+                }
             }
             for n in 0..N {
-                store_block(sums[n], &mut out[n], at);
+                for (k, out) in out[n][at..at + step].chunks_exact_mut(S::f32s::LEN).enumerate() {
+                    sums[n][k].store_slice(out);
+                }
             }
         }
     }
 
-    /// Filters along y by all kernels, with row `k` as the last one.
+    /// Filters a group of rows along y, and combines the results.
     #[inline(always)]
-    fn down<S: Simd>(&mut self, simd: S, k: usize) {
-        let (radius, count) = (self.weights.len() - 1, self.rows.len());
-        let Some((middle, outer)) = self.weights.split_first() else { return };
-        let k = k + count - radius;
-        for n in 0..N {
-            let row = |k: usize| self.rows.get(k % count).map_or(&[][..], |rows| &rows[n]);
-            for at in (0..TILE).step_by(BLOCK) {
-                let mut sums = [load_block(simd, row(k), at).map(|x| x * middle[n])];
-                for (t, weights) in outer.iter().enumerate() {
-                    let (a, b) = (load_block(simd, row(k - t - 1), at), load_block(simd, row(k + t + 1), at));
-                    add_pair(simd, a, b, &[weights[n]], &mut sums);
+    fn down<S: Simd>(&self, simd: S, group: &mut [f32], tile: Range<usize>, join: &impl Join<N>) {
+        let (width, lanes) = (self.image.width, S::f32s::LEN);
+        for at in (0..tile.len()).step_by(lanes) {
+            let mut sums = [[S::f32s::splat(simd, 0.0); N]; GROUP];
+            for n in 0..N {
+                let columns = self.columns(simd, n, at);
+                for g in 0..GROUP {
+                    sums[g][n] = columns[g];
                 }
-                store_block(sums[0], &mut self.output[n], at);
+            }
+            for (g, row) in group.chunks_exact_mut(width).enumerate() {
+                let joined = join.join(simd, sums[g]);
+                let from = tile.start + at;
+                let out = &mut row[from..from + lanes.min(tile.len() - at)];
+                if out.len() == lanes {
+                    joined.store_slice(out);
+                } else {
+                    out.iter_mut().zip(joined.as_slice()).for_each(|(out, x)| *out = *x);
+                }
             }
         }
+    }
+
+    /// Sums of kernel `n` along y, in a vector of columns of each row of a group.
+    #[inline(always)]
+    fn columns<S: Simd>(&self, simd: S, n: usize, at: usize) -> [S::f32s; GROUP] {
+        let radius = self.radius();
+        let row = |k: usize| &self.rows[self.order[k]][n][at..at + S::f32s::LEN];
+        let mut middle = [S::f32s::splat(simd, 0.0); GROUP];
+        for g in 0..GROUP {
+            middle[g] = S::f32s::from_slice(simd, row(radius + g));
+        }
+        let (mut above, mut below, mut sums) = (middle, middle, middle);
+        let Some((own, outer)) = self.kernels[n].weights().split_first() else { return sums };
+        for sum in &mut sums {
+            *sum *= *own;
+        }
+        for (t, weight) in outer.iter().enumerate() {
+            let weight = S::f32s::splat(simd, *weight);
+            above = [S::f32s::from_slice(simd, row(radius - 1 - t)), above[0], above[1], above[2]];
+            below = [below[1], below[2], below[3], S::f32s::from_slice(simd, row(radius + GROUP + t))];
+            for g in 0..GROUP {
+                sums[g] = (above[g] + below[g]).mul_add(weight, sums[g]);
+            }
+        }
+        sums
     }
 }
 
-/// Adds the sum of two blocks, weighted for each kernel.
+/// Loads [`BLOCK`] vectors.
 #[inline(always)]
-fn add_pair<S: Simd, const N: usize>(
-    simd: S,
-    a: [f32x16<S>; 4],
-    b: [f32x16<S>; 4],
-    weights: &[f32; N],
-    sums: &mut [[f32x16<S>; 4]; N],
-) {
-    for k in 0..4 {
-        let pair = a[k] + b[k];
-        for n in 0..N {
-            sums[n][k] = pair.mul_add(f32x16::splat(simd, weights[n]), sums[n][k]);
-        }
+fn load<S: Simd>(simd: S, row: &[f32], at: usize) -> [S::f32s; BLOCK] {
+    let lanes = S::f32s::LEN;
+    let mut vectors = [S::f32s::splat(simd, 0.0); BLOCK];
+    let block = &row[at..at + BLOCK * lanes];
+    for k in 0..BLOCK {
+        vectors[k] = S::f32s::from_slice(simd, &block[k * lanes..(k + 1) * lanes]);
     }
+    vectors
 }
 
 #[cfg(test)]
@@ -179,7 +261,8 @@ mod tests {
     #[test]
     fn the_separable_filter_is_its_defining_sum() {
         let mut rng = Rng::new(3);
-        for (width, height) in [(1, 1), (1, 9), (5, 3), (16, 2), (17, 40), (70, 33)] {
+        let sizes = [(1, 1), (1, 9), (3, 7), (5, 3), (16, 2), (17, 40), (65, 33), (7, 150), (TILE + 70, 5)];
+        for (width, height) in sizes {
             let image = Grid::from_fn(width, height, |_, _| rng.between(0.0, 100.0) as f32);
             for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
                 for kernel in [Kernel::binomial(), Kernel::gaussian(1.26, 4.0), Kernel::gaussian(0.0, 4.0)] {

@@ -3,11 +3,10 @@
 use fearless_simd::f32x16;
 use fearless_simd::prelude::*;
 use std::f32::consts::LN_2;
+use std::hint::black_box;
 
 /// Pixels of a vector.
 pub(super) const LANES: usize = 16;
-/// Pixels of four vectors.
-pub(super) const BLOCK: usize = 4 * LANES;
 
 /// Loads sixteen pixels of a row; zeros beyond its end.
 #[inline(always)]
@@ -35,51 +34,66 @@ pub(super) fn store<S: Simd>(pixels: f32x16<S>, row: &mut [f32], at: usize) {
     }
 }
 
-/// Loads [`BLOCK`] pixels of a row; zeros beyond its end.
-#[inline(always)]
-pub(super) fn load_block<S: Simd>(simd: S, row: &[f32], at: usize) -> [f32x16<S>; 4] {
-    match row.get(at..at + BLOCK) {
-        Some(block) => std::array::from_fn(|k| f32x16::from_slice(simd, &block[k * LANES..(k + 1) * LANES])),
-        None => std::array::from_fn(|k| load(simd, row, (at + k * LANES).min(row.len()))),
-    }
+/// Powers of two, with their constants in vectors.
+pub(super) struct Exp2<V> {
+    least: V,
+    round: V,
+    coefficients: [V; 6],
 }
 
-#[inline(always)]
-pub(super) fn store_block<S: Simd>(pixels: [f32x16<S>; 4], row: &mut [f32], at: usize) {
-    match row.get_mut(at..at + BLOCK) {
-        Some(block) => {
-            for (pixels, out) in pixels.iter().zip(block.chunks_exact_mut(LANES)) {
-                pixels.store_slice(out);
-            }
+impl<V: Copy> Exp2<V> {
+    /// Hides the constants from the compiler, which would read them from memory for each vector otherwise.
+    #[inline(always)]
+    pub(super) fn in_registers<S: Simd>(simd: S) -> Self
+    where
+        V: SimdFloat<S, Element = f32>,
+    {
+        Self::new(simd, black_box(EXP2))
+    }
+
+    #[inline(always)]
+    fn new<S: Simd>(simd: S, [least, round, weights @ ..]: [f32; 8]) -> Self
+    where
+        V: SimdFloat<S, Element = f32>,
+    {
+        let [least, round] = [V::splat(simd, least), V::splat(simd, round)];
+        let mut coefficients = [least; 6];
+        for (vector, weight) in coefficients.iter_mut().zip(weights) {
+            *vector = V::splat(simd, weight);
         }
-        None => {
-            for (k, pixels) in pixels.into_iter().enumerate() {
-                store(pixels, row, (at + k * LANES).min(row.len()));
-            }
+        Self { least, round, coefficients }
+    }
+
+    /// `2^x` of numbers up to 0, to 2 parts in 10^7; those below -126 become `2^-126`.
+    #[inline(always)]
+    pub(super) fn of<S: Simd>(&self, x: V) -> V
+    where
+        V: SimdFloat<S, Element = f32>,
+    {
+        let x = x.max(self.least);
+        let rounded = x + self.round;
+        let part = x - (rounded - self.round);
+        let [rest @ .., mut y] = self.coefficients;
+        for coefficient in rest.into_iter().rev() {
+            y = y.mul_add(part, coefficient);
         }
+        // The integer is added to the exponent.
+        V::from_bits(y.to_bits() + (rounded.to_bits() << 23))
     }
 }
 
-/// `2^x` of sixteen numbers up to 0, to 2 parts in 10^7; those below -126 become `2^-126`.
+/// `2^x` of a single vector, as [`Exp2::of`].
 #[inline(always)]
-pub(super) fn exp2<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
-    // Adding 1.5 * 2^23 rounds to an integer, which is then in the lowest bits.
-    const ROUND: f32 = 12_582_912.0;
-    let x = x.max(f32x16::splat(simd, -126.0));
-    let rounded = x + ROUND;
-    let part = x - (rounded - ROUND);
-    // Minimax fit of the relative error over -0.5 to 0.5, exact at 0.
-    let mut y = f32x16::splat(simd, EXP2[5]);
-    for k in (0..5).rev() {
-        y = y.mul_add(part, f32x16::splat(simd, EXP2[k]));
-    }
-    // The integer is added to the exponent.
-    (y.bitcast::<fearless_simd::i32x16<S>>() + (rounded.bitcast::<fearless_simd::i32x16<S>>() << 23))
-        .bitcast()
+pub(super) fn exp2<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, x: V) -> V {
+    Exp2::new(simd, EXP2).of(x)
 }
 
-/// Coefficients of [`exp2`].
-const EXP2: [f32; 6] = [1.0, LN_2, 0.240_222_42, 0.055_507_34, 0.009_671_513, 0.001_326_472_7];
+/// Least exponent, rounding constant and coefficients of [`Exp2`].
+///
+/// Adding 1.5 * 2^23 rounds to an integer, which is then in the lowest bits. The coefficients are a minimax fit of the relative error
+/// over -0.5 to 0.5, exact at 0.
+const EXP2: [f32; 8] =
+    [-126.0, 12_582_912.0, 1.0, LN_2, 0.240_222_42, 0.055_507_34, 0.009_671_513, 0.001_326_472_7];
 
 #[cfg(test)]
 mod tests {

@@ -5,8 +5,8 @@
 //! # Source
 //! Picard, Tsingos and Faure, "Audio texture synthesis for complex contact interactions" (VRIPHYS 2008), section 4.1.
 
-use super::rows::{map_row_pairs, map_rows, pad};
-use super::simd::{LANES, load, store};
+use super::rows::{map_row_pairs, map_rows};
+use super::simd::{LANES, store};
 use crate::texture::grid::{Grid, Wrap};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x16};
@@ -14,18 +14,17 @@ use fearless_simd::{Level, dispatch, f32x16};
 /// Returns the gradient along x and along y.
 ///
 /// # Complexity
-/// `O(pixels)`, with two rows of memory per thread in addition to the result.
+/// `O(pixels)`, without memory in addition to the result.
 #[must_use]
 pub fn gradient(image: &Grid, wrap: Wrap) -> [Grid; 2] {
-    let sobel = Sobel::new(image, wrap);
+    let level = Level::new();
     map_row_pairs(
         image.width,
         image.height,
-        || sobel.columns(),
-        |columns, y, gx, gy| {
-            sobel.row(columns, y);
-            let level = sobel.level;
-            dispatch!(level, simd => along(simd, columns, #[inline(always)] |x, y, at| {
+        || (),
+        |(), y, gx, gy| {
+            let rows = Rows::around(image, y, wrap);
+            dispatch!(level, simd => rows.gradients(simd, #[inline(always)] |x, y, at| {
                 store(x, gx, at);
                 store(y, gy, at);
             }));
@@ -41,15 +40,14 @@ pub fn gradient(image: &Grid, wrap: Wrap) -> [Grid; 2] {
 /// As [`gradient`].
 #[must_use]
 pub fn magnitude(image: &Grid, wrap: Wrap) -> Grid {
-    let sobel = Sobel::new(image, wrap);
+    let level = Level::new();
     map_rows(
         image.width,
         image.height,
-        || sobel.columns(),
-        |columns, y, out| {
-            sobel.row(columns, y);
-            let level = sobel.level;
-            dispatch!(level, simd => along(simd, columns, #[inline(always)] |x, y, at| {
+        || (),
+        |(), y, out| {
+            let rows = Rows::around(image, y, wrap);
+            dispatch!(level, simd => rows.gradients(simd, #[inline(always)] |x, y, at| {
                 store(x.mul_add(x, y * y).sqrt(), out, at);
             }));
         },
@@ -63,58 +61,61 @@ pub fn length(gx: &Grid, gy: &Grid) -> Grid {
     Grid { samples, ..*gx }
 }
 
-/// Column filters of one row, padded by one pixel at both ends.
-struct ColumnSums {
-    /// Sum along y, by 1 2 1.
-    sum: Vec<f32>,
-    /// Difference along y.
-    change: Vec<f32>,
-    width: usize,
-}
-
-struct Sobel<'a> {
-    image: &'a Grid,
+/// A row of an image between its neighbours.
+struct Rows<'a> {
+    /// The row above, the row and the row below.
+    rows: [&'a [f32]; 3],
     wrap: Wrap,
-    level: Level,
 }
 
-impl<'a> Sobel<'a> {
-    fn new(image: &'a Grid, wrap: Wrap) -> Self {
-        Self { image, wrap, level: Level::new() }
+/// Sixteen pixels with one more at either end.
+const WINDOW: usize = LANES + 2;
+
+impl<'a> Rows<'a> {
+    fn around(image: &'a Grid, y: usize, wrap: Wrap) -> Self {
+        Self { rows: [-1, 0, 1].map(|t| image.row(y as i64 + t, wrap)), wrap }
     }
 
-    fn columns(&self) -> ColumnSums {
-        let line = vec![0.0; self.image.width + 2 + LANES];
-        ColumnSums { sum: line.clone(), change: line, width: self.image.width }
-    }
-
-    fn row(&self, columns: &mut ColumnSums, y: usize) {
-        let rows = [-1, 0, 1].map(|t| self.image.row(y as i64 + t, self.wrap));
-        let level = self.level;
-        dispatch!(level, simd => down(simd, rows, columns));
-        for line in [&mut columns.sum, &mut columns.change] {
-            pad(line, 1, self.image.width, self.wrap);
+    /// Calls `emit` with the gradient along x and y of sixteen pixels and the index of the first one.
+    #[inline(always)]
+    fn gradients<S: Simd>(&self, simd: S, mut emit: impl FnMut(f32x16<S>, f32x16<S>, usize)) {
+        let [above, row, below] = self.rows;
+        let width = above.len().min(row.len()).min(below.len());
+        for at in (0..width).step_by(LANES) {
+            let [x, y] = if at > 0 && at + LANES < width {
+                let window = at - 1..at + LANES + 1;
+                sobel(simd, [&above[window.clone()], &row[window.clone()], &below[window]])
+            } else {
+                let ends = self.rows.map(|row| window_at_end(row, at, self.wrap));
+                sobel(simd, [&ends[0], &ends[1], &ends[2]])
+            };
+            emit(x, y, at);
         }
     }
 }
 
-#[inline(always)]
-fn down<S: Simd>(simd: S, [above, row, below]: [&[f32]; 3], columns: &mut ColumnSums) {
-    for at in (0..columns.width).step_by(LANES) {
-        let (a, b, c) = (load(simd, above, at), load(simd, row, at), load(simd, below, at));
-        store(a + (b + b) + c, &mut columns.sum, at + 1);
-        store(c - a, &mut columns.change, at + 1);
-    }
+/// Pixels around those from `at` on, some of which are beyond the ends of the row.
+fn window_at_end(row: &[f32], at: usize, wrap: Wrap) -> [f32; WINDOW] {
+    std::array::from_fn(|k| row.get(wrap.index((at + k) as i64 - 1, row.len())).copied().unwrap_or_default())
 }
 
+/// Gradient along x and y of the pixels in the middle of three windows.
 #[inline(always)]
-fn along<S: Simd>(simd: S, columns: &ColumnSums, mut emit: impl FnMut(f32x16<S>, f32x16<S>, usize)) {
-    for at in (0..columns.width).step_by(LANES) {
-        let gx = load(simd, &columns.sum, at + 2) - load(simd, &columns.sum, at);
-        let middle = load(simd, &columns.change, at + 1);
-        let gy = load(simd, &columns.change, at) + (middle + middle) + load(simd, &columns.change, at + 2);
-        emit(gx * 0.125, gy * 0.125, at);
-    }
+fn sobel<S: Simd>(simd: S, windows: [&[f32]; 3]) -> [f32x16<S>; 2] {
+    let [left_sum, left_change] = column(simd, windows, 0);
+    let [_, change] = column(simd, windows, 1);
+    let [right_sum, right_change] = column(simd, windows, 2);
+    let (x, y) = (right_sum - left_sum, left_change + (change + change) + right_change);
+    [x * 0.125, y * 0.125]
+}
+
+/// Sum by 1 2 1 and difference along y, from column `x` on.
+#[inline(always)]
+fn column<S: Simd>(simd: S, [above, row, below]: [&[f32]; 3], x: usize) -> [f32x16<S>; 2] {
+    let a = f32x16::from_slice(simd, &above[x..x + LANES]);
+    let b = f32x16::from_slice(simd, &row[x..x + LANES]);
+    let c = f32x16::from_slice(simd, &below[x..x + LANES]);
+    [a + (b + b) + c, c - a]
 }
 
 #[cfg(test)]
@@ -182,16 +183,23 @@ mod tests {
     #[test]
     fn the_length_is_the_magnitude_and_sizes_need_not_fit_the_vectors() {
         let mut rng = Rng::new(8);
-        for (width, height) in [(1, 1), (3, 70), (33, 34)] {
+        let sizes = [(1, 1), (3, 7), (3, 70), (16, 5), (17, 5), (18, 5), (33, 34), (65, 33)];
+        for ((width, height), wrap) in sizes
+            .into_iter()
+            .flat_map(|size| [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp].map(|wrap| (size, wrap)))
+        {
             let image = Grid::from_fn(width, height, |_, _| rng.between(0.0, 100.0) as f32);
-            let [gx, gy] = gradient(&image, Wrap::Repeat);
-            let (g, fused) = (length(&gx, &gy), magnitude(&image, Wrap::Repeat));
+            let [gx, gy] = gradient(&image, wrap);
+            let (g, fused) = (length(&gx, &gy), magnitude(&image, wrap));
             for (k, (a, b)) in g.samples.iter().zip(&fused.samples).enumerate() {
-                assert!((a - b).abs() < 1e-4, "{width}x{height}: {k}");
+                assert!((a - b).abs() < 1e-4, "{width}x{height} {wrap:?}: {k}");
                 let (x, y) = ((k % width) as i64, (k / width) as i64);
-                let at = |u: i64, v: i64| image.row(y + v, Wrap::Repeat)[Wrap::Repeat.index(x + u, width)];
-                let side = |u| at(u, -1) + 2.0 * at(u, 0) + at(u, 1);
-                assert!((gx.samples[k] - (side(1) - side(-1)) / 8.0).abs() < 1e-4);
+                let at = |u: i64, v: i64| image.row(y + v, wrap)[wrap.index(x + u, width)];
+                let side = |u| at(u, -1) + (at(u, 0) + at(u, 0)) + at(u, 1);
+                let change = |u| at(u, 1) - at(u, -1);
+                assert_eq!(gx.samples[k], (side(1) - side(-1)) / 8.0, "{width}x{height} {wrap:?}: {k}");
+                let right = (change(-1) + (change(0) + change(0)) + change(1)) / 8.0;
+                assert_eq!(gy.samples[k], right, "{width}x{height} {wrap:?}: {k}");
             }
         }
         let flat = Grid::from_fn(9, 9, |_, _| 3.0);

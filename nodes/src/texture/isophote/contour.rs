@@ -1,17 +1,19 @@
 //! Marching squares: contour lines of a grid of numbers.
 //!
-//! The grid is divided into strips, which are marched in parallel, two rows at a time and all levels at once. Then the segments of
-//! each level are joined by the numbers of their vertices. The division does not change the result: vertices are numbered in the
-//! order of the cells.
+//! The grid is divided into strips, which are marched in parallel, two rows at a time. Each sample becomes one bit for each level, so
+//! that cells without a line are passed 64 at a time. Then the segments of each level are joined by the numbers of their vertices. The
+//! division does not change the result: vertices are numbered in the order of the cells.
 
+mod bits;
+
+use bits::{RowBits, WORD, corners};
+use fearless_simd::Level;
 use rayon::prelude::*;
 
 /// Rows of cells in a strip.
 const STRIP: usize = 64;
 /// Maximum number of levels.
 pub const MAX_LEVELS: usize = 250;
-/// Class of a sample that is missing.
-const MISSING: u8 = 255;
 /// No vertex.
 const NONE: u32 = u32::MAX;
 /// Flag of a vertex of the strip above; the lower bits are its column.
@@ -86,27 +88,34 @@ const R: u8 = 1;
 const B: u8 = 2;
 const L: u8 = 3;
 
-/// Edges at which lines enter and leave a cell, by its high corners: 1 top left, 2 top right, 4 bottom right, 8 bottom left. The high
-/// side is on the left of the line, with y pointing down.
-fn segments(case: u8, joins_high: impl Fn() -> bool) -> &'static [[u8; 2]] {
-    match case {
-        1 => &[[L, T]],
-        2 => &[[T, R]],
-        4 => &[[R, B]],
-        8 => &[[B, L]],
-        14 => &[[T, L]],
-        13 => &[[R, T]],
-        11 => &[[B, R]],
-        7 => &[[L, B]],
-        3 => &[[L, R]],
-        12 => &[[R, L]],
-        6 => &[[T, B]],
-        9 => &[[B, T]],
-        5 if joins_high() => &[[R, T], [L, B]],
-        5 => &[[L, T], [R, B]],
-        10 if joins_high() => &[[T, L], [B, R]],
-        10 => &[[T, R], [B, L]],
-        _ => &[],
+/// Edges at which the line of a cell enters and leaves, by its high corners: 1 top left, 2 top right, 4 bottom right, 8 bottom left.
+/// The high side is on the left of the line, with y pointing down. Cells without one line have none here.
+const LINE: [[u8; 2]; 16] = [
+    [T, T],
+    [L, T],
+    [T, R],
+    [L, R],
+    [R, B],
+    [T, T],
+    [T, B],
+    [L, B],
+    [B, L],
+    [B, T],
+    [T, T],
+    [B, R],
+    [R, L],
+    [R, T],
+    [T, L],
+    [T, T],
+];
+
+/// Edges at which the two lines of a cell with two opposite high corners enter and leave.
+fn two_lines(case: usize, joins_high: bool) -> [[u8; 2]; 2] {
+    match (case, joins_high) {
+        (5, true) => [[R, T], [L, B]],
+        (5, false) => [[L, T], [R, B]],
+        (_, true) => [[T, L], [B, R]],
+        (_, false) => [[T, R], [B, L]],
     }
 }
 
@@ -121,47 +130,46 @@ fn joins_high(saddle: Saddle, corners: [f64; 4], level: f64) -> bool {
     }
 }
 
+/// A row of cells.
+struct CellRow<'a> {
+    y: usize,
+    /// Row of the samples at the bottom.
+    below: usize,
+    /// Samples at the top and at the bottom.
+    samples: [&'a [f32]; 2],
+    /// One bit for each cell without a missing corner.
+    whole: &'a [u64],
+    /// The same of the row of cells above, with no bit at a border.
+    whole_above: &'a [u64],
+    /// True if the row above is in another strip.
+    first: bool,
+    saddle: Saddle,
+}
+
 /// Segments of one level in one strip.
 struct Part {
     level: f64,
     points: Vec<[f64; 2]>,
     /// First and last vertex of each segment.
     links: Vec<[u32; 2]>,
-    /// For each column of cells, row and vertex of the last crossed horizontal edge.
-    horizontal: Vec<(usize, u32)>,
-    /// Row, column and vertex of the last crossed vertical edge.
-    vertical: (usize, usize, u32),
-    /// Row and vertex of the last crossed vertical edge in column 0.
-    seam: (usize, u32),
-}
-
-/// A cell that a line crosses.
-struct Cell {
-    x: usize,
-    y: usize,
-    /// Top left, top right, bottom right, bottom left.
-    corners: [f64; 4],
-    /// True if the vertex on the top edge is in the strip above.
-    above: bool,
-    /// Column of the samples on the right, and row of those at the bottom.
-    next: [usize; 2],
+    /// For each column of cells, the vertex of the last crossed horizontal edge.
+    horizontal: Vec<u32>,
+    /// Column and vertex of the last crossed vertical edge of the row.
+    vertical: (usize, u32),
+    /// Vertex of the crossed vertical edge in column 0 of the row.
+    seam: u32,
 }
 
 impl Part {
-    fn new(level: f32, width: usize) -> Self {
+    fn new(level: f32, columns: usize) -> Self {
         Self {
             level: level.into(),
             points: Vec::new(),
             links: Vec::new(),
-            horizontal: vec![(usize::MAX, NONE); width],
-            vertical: (usize::MAX, 0, NONE),
-            seam: (usize::MAX, NONE),
+            horizontal: vec![NONE; columns],
+            vertical: (usize::MAX, NONE),
+            seam: NONE,
         }
-    }
-
-    fn vertex(&mut self, point: [f64; 2]) -> u32 {
-        self.points.push(point);
-        self.points.len() as u32 - 1
     }
 
     /// Fraction of the distance between two samples at which the level is crossed.
@@ -169,156 +177,201 @@ impl Part {
         (self.level - a) / (b - a)
     }
 
-    /// The vertex on an edge of a cell, which is created unless an earlier cell has done so.
-    fn on_edge(&mut self, edge: u8, cell: &Cell) -> u32 {
-        let [a, b, c, d] = cell.corners;
-        let (x, y) = (cell.x, cell.y);
-        match edge {
-            T => match self.horizontal[x] {
-                (row, vertex) if row == y => vertex,
-                _ if cell.above => ABOVE | x as u32,
-                _ => {
-                    let t = self.fraction(a, b);
-                    self.vertex([x as f64 + t, y as f64])
-                }
-            },
-            B => {
-                let t = self.fraction(d, c);
-                let vertex = self.vertex([x as f64 + t, cell.next[1] as f64]);
-                self.horizontal[x] = (y + 1, vertex);
-                vertex
+    /// Adds the segments of a row of cells; `upper` and `lower` are the bits of its samples.
+    fn march(&mut self, row: &CellRow<'_>, upper: &[u64], lower: &[u64]) {
+        (self.vertical, self.seam) = ((usize::MAX, NONE), NONE);
+        for (word, (whole, above)) in row.whole.iter().zip(row.whole_above).enumerate() {
+            let [a, b, c, d] = corners(upper, lower, word);
+            let mut crossed = ((a | b | c | d) & !(a & b & c & d)) & whole;
+            if crossed == 0 {
+                continue;
             }
-            L => match self.vertical {
-                (row, column, vertex) if (row, column) == (y, x) => vertex,
-                _ => {
-                    let t = self.fraction(a, d);
-                    let vertex = self.vertex([x as f64, y as f64 + t]);
-                    if x == 0 {
-                        self.seam = (y, vertex);
-                    }
-                    vertex
-                }
-            },
-            _ => match self.seam {
-                (row, vertex) if row == y && cell.next[0] == 0 => vertex,
-                _ => {
-                    let t = self.fraction(b, c);
-                    let vertex = self.vertex([cell.next[0] as f64, y as f64 + t]);
-                    self.vertical = (y, x + 1, vertex);
-                    vertex
-                }
-            },
+            // Space for all vertices and segments, so that the cells need no branches.
+            let cells = crossed.count_ones() as usize;
+            let mut counts = [self.points.len(), self.links.len()];
+            self.points.resize(counts[0] + 4 * cells, [0.0; 2]);
+            self.links.resize(counts[1] + 2 * cells, [NONE; 2]);
+            while crossed != 0 {
+                let bit = crossed.trailing_zeros();
+                crossed &= crossed - 1;
+                let case =
+                    [a, b, c, d].iter().rev().fold(0, |case, bits| case << 1 | (bits >> bit & 1) as usize);
+                self.cross(row, word * WORD + bit as usize, case, above >> bit & 1 == 1, &mut counts);
+            }
+            self.points.truncate(counts[0]);
+            self.links.truncate(counts[1]);
         }
     }
 
-    fn cross(&mut self, case: u8, cell: &Cell, saddle: Saddle) {
-        let segments = segments(case, || joins_high(saddle, cell.corners, self.level));
-        // The top edge before the bottom one, whose vertex replaces it.
+    /// Adds the segments of the cell in column `x`, after the vertices and segments that `counts` counts.
+    ///
+    /// Vertices on the right and at the bottom are new, others only without a cell beyond their edge.
+    #[inline(always)]
+    fn cross(
+        &mut self,
+        row: &CellRow<'_>,
+        x: usize,
+        case: usize,
+        above: bool,
+        [points, links]: &mut [usize; 2],
+    ) {
+        let [upper, lower] = row.samples;
+        let right = if x + 1 == upper.len() { 0 } else { x + 1 };
+        let corners @ [a, b, c, d] = [upper[x], upper[right], lower[right], lower[x]].map(f64::from);
+        let (left, y) = (x as f64, row.y as f64);
+        // Bits of the edges between corners that differ.
+        let edges = case ^ (case >> 1 | (case & 1) << 3);
+        let crossed = |edge: u8| edges >> edge & 1;
         let mut on = [NONE; 4];
-        for edge in [T, L, R, B] {
-            if segments.iter().any(|segment| segment.contains(&edge)) {
-                on[usize::from(edge)] = self.on_edge(edge, cell);
-            }
+        on[usize::from(T)] = if row.first { ABOVE | x as u32 } else { self.horizontal[x] };
+        if crossed(T) == 1 && !above {
+            on[usize::from(T)] = *points as u32;
+            self.points[*points] = [left + self.fraction(a, b), y];
+            *points += 1;
         }
-        self.links.extend(segments.iter().map(|[from, to]| [on[usize::from(*from)], on[usize::from(*to)]]));
+        on[usize::from(L)] = self.vertical.1;
+        if crossed(L) == 1 && self.vertical.0 != x {
+            on[usize::from(L)] = *points as u32;
+            self.points[*points] = [left, y + self.fraction(a, d)];
+            self.seam = if x == 0 { *points as u32 } else { self.seam };
+            *points += 1;
+        }
+        if right == 0 && self.seam != NONE {
+            on[usize::from(R)] = self.seam;
+        } else {
+            on[usize::from(R)] = *points as u32;
+            self.points[*points] = [right as f64, y + self.fraction(b, c)];
+            *points += crossed(R);
+        }
+        on[usize::from(B)] = *points as u32;
+        self.points[*points] = [left + self.fraction(d, c), row.below as f64];
+        *points += crossed(B);
+        self.vertical = (x + 1, on[usize::from(R)]);
+        self.horizontal[x] = on[usize::from(B)];
+        let link = |[from, to]: [u8; 2]| [on[usize::from(from)], on[usize::from(to)]];
+        if case == 5 || case == 10 {
+            let lines = two_lines(case, joins_high(row.saddle, corners, self.level));
+            self.links[*links..*links + 2].copy_from_slice(&lines.map(link));
+            *links += 2;
+        } else {
+            self.links[*links] = link(LINE[case]);
+            *links += 1;
+        }
     }
 }
 
-/// Sets the class of each sample of a row: the number of levels below it.
-fn classify(row: &[f32], levels: &[f32], classes: &mut [u8]) {
-    for (x, class) in row.iter().zip(classes.iter_mut()) {
-        *class = levels.iter().map(|level| u8::from(x > level)).sum();
-    }
-    for (x, class) in row.iter().zip(classes) {
-        if !x.is_finite() {
-            *class = MISSING;
-        }
+/// Sets the bits of the cells between two rows of samples that have no missing corner.
+fn set_whole(columns: usize, upper: &RowBits, lower: &RowBits, whole: &mut [u64]) {
+    for (word, bits) in whole.iter_mut().enumerate() {
+        let [a, b, c, d] = corners(&upper.missing, &lower.missing, word);
+        let rest = columns - word * WORD;
+        let inside = if rest < WORD { (1 << rest) - 1 } else { u64::MAX };
+        *bits = !(a | b | c | d) & inside;
     }
 }
 
 /// Marches the rows `[from, to)` of cells.
 fn march_strip(field: &Field<'_>, levels: &[f32], saddle: Saddle, [from, to]: [usize; 2]) -> Vec<Part> {
-    let (w, [columns, _]) = (field.width, field.cells());
+    let (simd, [columns, _]) = (Level::new(), field.cells());
     let mut parts: Vec<Part> = levels.iter().map(|level| Part::new(*level, columns)).collect();
-    let (mut upper, mut lower, mut over) = (vec![0; w], vec![0; w], vec![MISSING; w]);
-    classify(field.row(from), levels, &mut upper);
-    let outer = from > 0 || field.is_torus();
-    if outer {
-        classify(field.row(from + field.height() - 1), levels, &mut over);
+    let [mut upper, mut lower] = [(); 2].map(|()| RowBits::new(field.width, levels.len()));
+    let [mut whole, mut whole_above] = [(); 2].map(|()| vec![0; columns.div_ceil(WORD)]);
+    upper.read(simd, field.row(from), levels);
+    if from > 0 || field.is_torus() {
+        lower.read(simd, field.row(from + field.height() - 1), levels);
+        set_whole(columns, &lower, &upper, &mut whole_above);
     }
     for y in from..to {
-        let (a, b) = (field.row(y), field.row(y + 1));
-        classify(b, levels, &mut lower);
-        for x in 0..columns {
-            let right = if x + 1 == w { 0 } else { x + 1 };
-            let classes = [upper[x], upper[right], lower[right], lower[x]];
-            if classes == [classes[0]; 4] || classes.contains(&MISSING) {
-                continue;
-            }
-            let cell = Cell {
-                x,
-                y,
-                corners: [a[x], a[right], b[right], b[x]].map(f64::from),
-                above: outer && y == from && over[x] != MISSING && over[right] != MISSING,
-                next: [right, if y + 1 == field.height() { 0 } else { y + 1 }],
-            };
-            let (low, high) = classes.iter().fold((MISSING, 0), |(a, b), c| (a.min(*c), b.max(*c)));
-            for (part, k) in parts[low.into()..high.into()].iter_mut().zip(low..) {
-                let case = (0..4).map(|i| u8::from(classes[i] > k) << i).sum();
-                part.cross(case, &cell, saddle);
-            }
+        let below = if y + 1 == field.height() { 0 } else { y + 1 };
+        let samples = [field.row(y), field.row(below)];
+        lower.read(simd, samples[1], levels);
+        set_whole(columns, &upper, &lower, &mut whole);
+        let row =
+            CellRow { y, below, samples, whole: &whole, whole_above: &whole_above, first: y == from, saddle };
+        for (part, (upper, lower)) in parts.iter_mut().zip(upper.high.iter().zip(&lower.high)) {
+            part.march(&row, upper, lower);
         }
         std::mem::swap(&mut upper, &mut lower);
+        std::mem::swap(&mut whole, &mut whole_above);
     }
     parts
 }
 
-/// Joins the strips of one level, and frees each. Returns the vertices, the next vertex of each, and true for each that has a
-/// previous one.
-fn join(mut parts: Vec<Part>, ends: &[usize]) -> (Vec<[f64; 2]>, Vec<u32>, Vec<bool>) {
+/// Vertices of one level by their numbers over all strips.
+struct Vertices<'a> {
+    parts: &'a [Part],
+    /// Number of the first vertex of each strip.
+    starts: &'a [u32],
+    /// Points of the strip of the last vertex, and the number of the first one.
+    last: (&'a [[f64; 2]], u32),
+}
+
+impl<'a> Vertices<'a> {
+    fn new(parts: &'a [Part], starts: &'a [u32]) -> Self {
+        Self { parts, starts, last: (&[], 0) }
+    }
+
+    /// Returns a vertex. A vertex in the strip of the one before is found at once.
+    #[inline]
+    fn get(&mut self, vertex: u32) -> [f64; 2] {
+        let (points, start) = self.last;
+        match points.get(vertex.wrapping_sub(start) as usize) {
+            Some(point) => *point,
+            None => self.find(vertex),
+        }
+    }
+
+    #[inline(never)]
+    fn find(&mut self, vertex: u32) -> [f64; 2] {
+        let k = self.starts.partition_point(|start| *start <= vertex) - 1;
+        self.last = (&self.parts[k].points, self.starts[k]);
+        self.last.0[(vertex - self.starts[k]) as usize]
+    }
+}
+
+/// Joins the strips of one level. Returns the number of the first vertex of each strip, the next vertex of each vertex, and true for
+/// each that has a previous one.
+fn join(parts: &mut [Part]) -> (Vec<u32>, Vec<u32>, Vec<bool>) {
     let count = parts.iter().map(|part| part.points.len()).sum();
-    let (mut points, mut next, mut has_previous) =
-        (Vec::with_capacity(count), vec![NONE; count], vec![false; count]);
-    // On a torus the strip above the first is the last.
+    let (mut next, mut has_previous) = (vec![NONE; count], vec![false; count]);
     let starts: Vec<u32> = parts
         .iter()
         .scan(0, |start, part| Some(std::mem::replace(start, *start + part.points.len() as u32)))
         .collect();
     for k in 0..parts.len() {
-        points.append(&mut std::mem::take(&mut parts[k].points));
         let links = std::mem::take(&mut parts[k].links);
+        // On a torus the strip above the first is the last.
         let above = if k == 0 { parts.len() - 1 } else { k - 1 };
         let number = |vertex: u32| match vertex & ABOVE {
             0 => vertex + starts[k],
-            _ => match parts[above].horizontal[(vertex ^ ABOVE) as usize] {
-                (row, found) if row == ends[above] => found + starts[above],
-                _ => NONE,
-            },
+            _ => parts[above].horizontal[(vertex ^ ABOVE) as usize] + starts[above],
         };
         for [from, to] in links.iter().map(|link| link.map(number)) {
-            if let Some(next) = next.get_mut(from as usize) {
-                *next = to;
-            }
-            if let Some(has_previous) = has_previous.get_mut(to as usize) {
-                *has_previous = true;
-            }
+            next[from as usize] = to;
+            has_previous[to as usize] = true;
         }
     }
-    (points, next, has_previous)
+    (starts, next, has_previous)
 }
 
 /// Traces the lines of one level from vertex to vertex; `period` is the size of a torus.
-fn trace(points: &[[f64; 2]], next: &mut [u32], has_previous: &[bool], period: Option<[f64; 2]>) -> Lines {
-    let mut out = Lines { points: Vec::with_capacity(points.len() + 64), lines: Vec::new() };
+fn trace(
+    mut vertices: Vertices<'_>,
+    next: &mut [u32],
+    has_previous: &[bool],
+    period: Option<[f64; 2]>,
+) -> Lines {
+    let mut out = Lines { points: Vec::with_capacity(next.len() + 64), lines: Vec::new() };
     for closed in [false, true] {
-        for start in 0..points.len() {
+        for start in 0..next.len() {
             if next[start] == NONE || (!closed && has_previous[start]) {
                 continue;
             }
             let from = out.points.len();
-            let (mut vertex, mut previous, mut offset) = (start, points[start], [0.0; 2]);
+            let mut vertex = start as u32;
+            let (mut previous, mut offset) = (vertices.get(vertex), [0.0; 2]);
             loop {
-                let stored = points[vertex];
+                let stored = vertices.get(vertex);
                 for (axis, offset) in offset.iter_mut().enumerate() {
                     let Some(period) = period else { break };
                     let step = stored[axis] - previous[axis];
@@ -332,9 +385,9 @@ fn trace(points: &[[f64; 2]], next: &mut [u32], has_previous: &[bool], period: O
                 if out.points[from..].last() != Some(&point) {
                     out.points.push(point);
                 }
-                match std::mem::replace(&mut next[vertex], NONE) {
+                match std::mem::replace(&mut next[vertex as usize], NONE) {
                     NONE => break,
-                    to => vertex = to as usize,
+                    to => vertex = to,
                 }
             }
             if out.points.len() > from + 1 {
@@ -373,10 +426,8 @@ fn contours_by(field: &Field<'_>, levels: &[f32], saddle: Saddle, strip: usize) 
         return vec![Lines::default(); levels.len()];
     }
     let starts: Vec<usize> = (0..rows).step_by(strip.max(1)).collect();
-    let ends: Vec<usize> = starts.iter().map(|from| (from + strip.max(1)).min(rows)).collect();
-    let spans: Vec<[usize; 2]> = starts.iter().zip(&ends).map(|(from, to)| [*from, *to]).collect();
-    let strips: Vec<Vec<Part>> =
-        spans.par_iter().map(|span| march_strip(field, levels, saddle, *span)).collect();
+    let march = |from: &usize| march_strip(field, levels, saddle, [*from, (from + strip.max(1)).min(rows)]);
+    let strips: Vec<Vec<Part>> = starts.par_iter().map(march).collect();
     let period = field.is_torus().then(|| [field.width, field.height()].map(|n| n as f64));
     let mut by_level: Vec<Vec<Part>> = levels.iter().map(|_| Vec::with_capacity(strips.len())).collect();
     for strip in strips {
@@ -384,9 +435,9 @@ fn contours_by(field: &Field<'_>, levels: &[f32], saddle: Saddle, strip: usize) 
     }
     by_level
         .into_par_iter()
-        .map(|parts| {
-            let (points, mut next, has_previous) = join(parts, &ends);
-            trace(&points, &mut next, &has_previous, period)
+        .map(|mut parts| {
+            let (starts, mut next, has_previous) = join(&mut parts);
+            trace(Vertices::new(&parts, &starts), &mut next, &has_previous, period)
         })
         .collect()
 }

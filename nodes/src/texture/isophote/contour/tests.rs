@@ -326,6 +326,68 @@ fn strips_of_any_height_give_the_same_bits() {
     }
 }
 
+/// Segments of a cell by its high corners, for saddles around the low ones.
+fn plain_segments(case: u8) -> &'static [[u8; 2]] {
+    match case {
+        1 => &[[L, T]],
+        2 => &[[T, R]],
+        4 => &[[R, B]],
+        8 => &[[B, L]],
+        14 => &[[T, L]],
+        13 => &[[R, T]],
+        11 => &[[B, R]],
+        7 => &[[L, B]],
+        3 => &[[L, R]],
+        12 => &[[R, L]],
+        6 => &[[T, B]],
+        9 => &[[B, T]],
+        5 => &[[L, T], [R, B]],
+        10 => &[[T, R], [B, L]],
+        _ => &[],
+    }
+}
+
+#[test]
+fn segments_are_those_of_each_cell_alone() {
+    for (width, height) in [(3, 7), (65, 33), (64, 70), (129, 20)] {
+        let mut samples = image(5, width, height);
+        for hole in [5, width * 2 + width / 2, width * height - 2] {
+            samples[hole] = f32::NAN;
+        }
+        for torus in [false, true] {
+            let field = Field { width, samples: &samples, torus };
+            let found = one(&field, LEVEL, Saddle::Low);
+            let period = [width as f64, height as f64];
+            let pieces = found.lines.iter().flat_map(|line| span(&found, *line).windows(2));
+            let mut pieces: Vec<_> = pieces.map(|p| [key(p[0], period), key(p[1], period)]).collect();
+            let mut right = Vec::new();
+            let [columns, rows] = field.cells();
+            for (x, y) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
+                let at = |x: usize, y: usize| f64::from(samples[y % height * width + x % width]);
+                let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+                if [a, b, c, d].iter().any(|x| !x.is_finite()) {
+                    continue;
+                }
+                let level = f64::from(LEVEL);
+                let case = (0..4).map(|k| u8::from([a, b, c, d][k] > level) << k).sum();
+                let along = |a: f64, b: f64| (level - a) / (b - a);
+                let (left, top) = (x as f64, y as f64);
+                let on = |edge: u8| match edge {
+                    T => [left + along(a, b), top],
+                    R => [left + 1.0, top + along(b, c)],
+                    B => [left + along(d, c), top + 1.0],
+                    _ => [left, top + along(a, d)],
+                };
+                right
+                    .extend(plain_segments(case).iter().map(|edges| edges.map(|edge| key(on(edge), period))));
+            }
+            pieces.sort_unstable();
+            right.sort_unstable();
+            assert!(pieces == right && pieces.len() > 2, "{width}x{height} {torus}");
+        }
+    }
+}
+
 #[test]
 fn cells_with_a_hole_have_no_lines_and_a_sample_on_its_level_is_low() {
     let mut samples: Vec<f32> = (0..49).map(|k| (k % 7) as f32).collect();
