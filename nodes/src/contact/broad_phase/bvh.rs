@@ -209,26 +209,47 @@ impl Bvh {
     #[must_use]
     pub fn closest(&self, p: [f32; 3], radius: f32, accept: impl Fn(u32) -> bool) -> Option<Hit> {
         let extent = self.extent();
-        let mut limit = f64::from(radius) * f64::from(radius);
         let mut best: Option<Hit> = None;
-        let mut stack = Stack::at_root(self);
-        while let Some((level, node)) = stack.pop() {
-            let distances = self.nodes[self.levels[level] + node].squared_distances(&p, &p);
-            for (lane, &distance) in distances.iter().enumerate() {
-                if distance > search_limit(limit, extent) {
+        let mut limit = f64::from(radius) * f64::from(radius);
+        // Boxes without a triangle are infinitely far.
+        let mut reach = search_limit(limit, extent).min(f32::MAX);
+        // Squared distance, level and index of each node; the nearest is last, so that most others are out of reach when their turn comes.
+        let mut pending = [(0.0_f32, 0_u32, 0_u32); STACK];
+        let mut len = 0;
+        if self.levels.len() > 1 {
+            pending[0] = (0.0, self.levels.len() as u32 - 2, 0);
+            len = 1;
+        }
+        while len > 0 {
+            len -= 1;
+            let (nearest, level, node) = pending[len];
+            if nearest > reach {
+                continue;
+            }
+            let (level, node) = (level as usize, node as usize);
+            let lanes = sorted_lanes(self.nodes[self.levels[level] + node].squared_distances(&p, &p));
+            if level > 0 {
+                for (distance, lane) in lanes.into_iter().rev().filter(|(distance, _)| *distance <= reach) {
+                    pending[len] = (distance, level as u32 - 1, (node * LANES + lane) as u32);
+                    len += 1;
+                }
+                continue;
+            }
+            for (distance, lane) in lanes {
+                if distance > reach {
+                    break;
+                }
+                let slot = node * LANES + lane;
+                let triangle = self.order[slot];
+                if !accept(triangle) {
                     continue;
                 }
-                let child = node * LANES + lane;
-                if level > 0 {
-                    stack.push(level - 1, child);
-                } else if accept(self.order[child]) {
-                    let triangle = self.order[child];
-                    let found = closest_point(widen(p), self.corners(child).map(widen)).squared_distance;
-                    let better = best.is_none_or(|b| (found, triangle) < (b.squared_distance, b.triangle));
-                    if found <= limit && better {
-                        best = Some(Hit { triangle, squared_distance: found });
-                        limit = found;
-                    }
+                let found = closest_point(widen(p), self.corners(slot).map(widen)).squared_distance;
+                let better = best.is_none_or(|b| (found, triangle) < (b.squared_distance, b.triangle));
+                if found <= limit && better {
+                    best = Some(Hit { triangle, squared_distance: found });
+                    limit = found;
+                    reach = search_limit(limit, extent);
                 }
             }
         }
@@ -419,6 +440,17 @@ fn split(order: &mut [u32], capacity: usize, points: &[[f32; 3]]) {
     let (left, right) = order.split_at_mut(half);
     split(left, half, points);
     split(right, half, points);
+}
+
+/// The lanes of a node with their squared distances, the nearest first.
+#[inline]
+fn sorted_lanes(distances: [f32; LANES]) -> [(f32, usize); LANES] {
+    // Numbers that are not negative sort as their bits do; the lane is below them.
+    let mut keys = [0, 1, 2, 3].map(|lane| u64::from(distances[lane].to_bits()) << 2 | lane as u64);
+    for (a, b) in [(0, 1), (2, 3), (0, 2), (1, 3), (1, 2)] {
+        (keys[a], keys[b]) = (keys[a].min(keys[b]), keys[a].max(keys[b]));
+    }
+    keys.map(|key| (f32::from_bits((key >> 2) as u32), (key & 3) as usize))
 }
 
 /// Nodes still to visit.

@@ -1,6 +1,7 @@
 //! Random phases as points on the unit circle, in blocks.
 
 use std::f32::consts::PI;
+use std::sync::LazyLock;
 
 use crate::core::random::Random;
 
@@ -47,10 +48,27 @@ pub(crate) fn phasors(random: &Random, entity: u32, clip: u64, block: usize) -> 
     (re, im)
 }
 
-/// Returns Rayleigh magnitudes of mean square 1 of the bins from `BLOCK * block`.
-pub(crate) fn rayleigh(random: &Random, entity: u32, clip: u64, block: usize) -> [f32; BLOCK] {
-    bits(random, entity, clip, MAGNITUDE | (block * BLOCK / 8) as u32)
-        .map(|b| libm::sqrtf(-libm::logf((f32::from(b) + 0.5) * (1.0 / 65536.0))))
+/// Rayleigh magnitudes of mean square 1 for all random numbers of 16 bits.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rayleigh(&'static [f32; 1 << 16]);
+
+impl Rayleigh {
+    /// The table; the first call computes it, which takes about a millisecond.
+    pub fn new() -> Self {
+        static MAGNITUDES: LazyLock<Box<[f32; 1 << 16]>> = LazyLock::new(|| {
+            let mut all = Box::new([0.0; 1 << 16]);
+            for (b, magnitude) in all.iter_mut().enumerate() {
+                *magnitude = libm::sqrtf(-libm::logf((b as f32 + 0.5) * (1.0 / 65536.0)));
+            }
+            all
+        });
+        Self(&MAGNITUDES)
+    }
+
+    /// Returns the magnitudes of the bins from `BLOCK * block`.
+    pub fn magnitudes(self, random: &Random, entity: u32, clip: u64, block: usize) -> [f32; BLOCK] {
+        bits(random, entity, clip, MAGNITUDE | (block * BLOCK / 8) as u32).map(|b| self.0[usize::from(b)])
+    }
 }
 
 #[cfg(test)]
@@ -97,9 +115,12 @@ mod tests {
 
     #[test]
     fn rayleigh_magnitudes_have_mean_square_one() {
-        let random = Random::new(3, "phase");
+        let (random, table) = (Random::new(3, "phase"), Rayleigh::new());
         let squares: f64 =
-            (0..1000).flat_map(|clip| rayleigh(&random, 0, clip, 0)).map(|m| f64::from(m * m)).sum();
+            (0..1000).flat_map(|clip| table.magnitudes(&random, 0, clip, 0)).map(|m| f64::from(m * m)).sum();
         assert!((squares / (1000.0 * BLOCK as f64) - 1.0).abs() < 0.02);
+        // Over all 65,536 equally likely magnitudes the mean square is 1 but for the tail beyond them.
+        let all: f64 = table.0.iter().map(|m| f64::from(m * m)).sum();
+        assert!((all / 65536.0 - 1.0).abs() < 1e-4, "{all}");
     }
 }

@@ -229,6 +229,7 @@ pub const MAX_COORDINATE: f32 = 1e9;
 ///
 /// # Errors
 /// [`MeshError::NotFinite`] for a coordinate that is not finite or larger than [`MAX_COORDINATE`].
+#[inline]
 pub(crate) fn to_metres(p: [f64; 3], scale: f64, frame: usize, vertex: usize) -> Result<[f32; 3], MeshError> {
     let q = p.map(|x| (x * scale) as f32);
     if q.iter().all(|x| x.abs() <= MAX_COORDINATE) {

@@ -43,7 +43,7 @@ pub fn open_pc2(
     }
     check_header(&source, "PC2", points, frames, 32, base, options)?;
     let times = (0..frames).map(|i| (start + f64::from(i) * rate) / fps).collect();
-    finish(source, times, 32, f32_le, base, options)
+    finish(source, times, 32, f32::from_le_bytes, base, options)
 }
 
 /// Opens an MDD file (LightWave, big endian, with its own times) over the faces of `base`.
@@ -64,12 +64,8 @@ pub fn open_mdd(
     check_header(&source, "MDD", points, frames, data, base, options)?;
     let mut table = vec![0; 4 * frames as usize];
     source.read_at(8, &mut table, || "the table of times".into())?;
-    let times = table.chunks_exact(4).map(|b| f64::from(f32_be(b))).collect();
-    finish(source, times, data, f32_be, base, options)
-}
-
-fn f32_be(b: &[u8]) -> f32 {
-    f32::from_be_bytes(array(b))
+    let times = table.as_chunks().0.iter().map(|b| f64::from(f32::from_be_bytes(*b))).collect();
+    finish(source, times, data, f32::from_be_bytes, base, options)
 }
 
 fn malformed(format: &'static str, what: String) -> MeshError {
@@ -120,7 +116,7 @@ fn finish(
     source: Source,
     times: Vec<f64>,
     data: u64,
-    decode: fn(&[u8]) -> f32,
+    decode: impl Fn([u8; 4]) -> f32 + Send + 'static,
     base: &ObjMesh,
     options: &ReadOptions,
 ) -> Result<MeshStream, MeshError> {
@@ -132,24 +128,25 @@ fn finish(
     Ok(MeshStream { clip, frames: Box::new(Cache { source, data, decode, frames, bytes, scale }) })
 }
 
-struct Cache {
+/// A cache whose numbers `D` decodes: a type of its own for each format, so that the loop over them has no call.
+struct Cache<D> {
     source: Source,
     /// Byte offset of the first frame.
     data: u64,
-    decode: fn(&[u8]) -> f32,
+    decode: D,
     frames: usize,
     bytes: Vec<u8>,
     scale: f64,
 }
 
-impl FrameReader for Cache {
+impl<D: Fn([u8; 4]) -> f32 + Send> FrameReader for Cache<D> {
     fn read_frame(&mut self, index: usize, out: &mut [[f32; 3]]) -> Result<(), MeshError> {
         check_request(index, self.frames, out.len(), self.bytes.len() / 12)?;
         let offset = self.data + (index * self.bytes.len()) as u64;
         self.source.read_at(offset, &mut self.bytes, || format!("frame {index}"))?;
-        let decode = self.decode;
-        for (v, (q, b)) in out.iter_mut().zip(self.bytes.chunks_exact(12)).enumerate() {
-            let p = [decode(b), decode(&b[4..]), decode(&b[8..])].map(f64::from);
+        let numbers = self.bytes.as_chunks::<4>().0.as_chunks::<3>().0;
+        for (v, (q, numbers)) in out.iter_mut().zip(numbers).enumerate() {
+            let p = numbers.map(|b| f64::from((self.decode)(b)));
             *q = to_metres(p, self.scale, index, v)?;
         }
         Ok(())
