@@ -31,7 +31,7 @@ pub fn bench(item: Item) {
             let mut out = vec![0.0; noise.clip_len()];
             item.rate(&format!("{name}.{samples}.f32.{t}t"), CLIPS as f64, "clips/s", || {
                 for k in 0..CLIPS as u64 {
-                    let input = ClipInput { speeds: &[0.3], positions: None };
+                    let input = ClipInput { speeds: &[0.3], ..ClipInput::default() };
                     noise.clip(k, input, &mut out).expect("a finite speed");
                 }
             });

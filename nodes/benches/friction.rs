@@ -73,6 +73,7 @@ fn time<R: Receiver>(
         stream.fill(from, &mut out, |k| ClipInput {
             speeds: &speeds[k as usize % speeds.len()],
             positions: Some(&positions),
+            pressures: None,
         })?;
         power += out.iter().map(|&x| f64::from(x * x)).sum::<f64>();
         from += 4096;

@@ -170,3 +170,44 @@ impl Item for Speeds {
         out.push(*elem);
     }
 }
+
+/// How firmly each vertex of a cloth presses on what it touches, relative to a light contact; 0 without contact.
+///
+/// Its format is the area of cloth that each vertex stands for at rest, m^2.
+#[derive(Debug)]
+pub struct Pressures;
+
+impl Item for Pressures {
+    type Elem = f32;
+    type Format = Arc<[f32]>;
+    const NAME: &'static str = "pressures";
+    const COLUMNS: &'static [&'static str] = Speeds::COLUMNS;
+
+    fn width(format: &Arc<[f32]>) -> usize {
+        Speeds::width(format)
+    }
+
+    fn describe(format: &Arc<[f32]>) -> String {
+        Speeds::describe(format)
+    }
+
+    fn trial_format(rng: &mut Rng) -> Arc<[f32]> {
+        Speeds::trial_format(rng)
+    }
+
+    fn trial(format: &Arc<[f32]>, item: usize, rng: &mut Rng) -> f32 {
+        Speeds::trial(format, item, rng)
+    }
+
+    fn finite(elem: &f32) -> bool {
+        Speeds::finite(elem)
+    }
+
+    fn poison() -> f32 {
+        Speeds::poison()
+    }
+
+    fn numbers(elem: &f32, out: &mut Vec<f32>) {
+        Speeds::numbers(elem, out);
+    }
+}

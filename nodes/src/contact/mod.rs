@@ -20,5 +20,5 @@ pub(crate) mod vector;
 pub use broad_phase::Exclude;
 pub use detection::{Detection, Detector, DetectorParams};
 pub use error::ContactError;
-pub use item::{Contact, Contacts, ContactsFormat, Speeds};
+pub use item::{Contact, Contacts, ContactsFormat, Pressures, Speeds};
 pub use slip::SlipMode;

@@ -1,5 +1,6 @@
 //! Sliding speeds from the slides of contacts: gate, interpolation and mapping.
 
+pub mod contact_pressure;
 pub mod gate;
 pub mod pchip;
 pub mod sampler;

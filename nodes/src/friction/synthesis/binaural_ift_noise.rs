@@ -1,11 +1,11 @@
 //! Friction noise at two ears, as a node.
 
 use super::clip_stream::ClipStream;
-use super::clip_timing::hop;
+use super::clip_timing::{check_pressure, hop};
 use super::noise::{ClipInput, IftNoise};
 use super::noise_params::{ClipParams, EmitterKind, Emitters, IftNoiseParams, VertexLevelParams};
 use super::speed_coverage::coverage_summary;
-use crate::contact::Speeds;
+use crate::contact::{Pressures, Speeds};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -72,6 +72,8 @@ ports! {
             speeds: Stream<Speeds>,
             /// Power density per speed.
             model: Value<FrictionModel>,
+            /// Factor on the power per vertex, from `ContactPressure`, at the rate of `speeds`.
+            pressure: Option<Stream<Pressures>>,
             /// Positions of the vertices.
             mesh: Stream<Mesh>,
             /// Pose of the listener's head, in place of the parameters.
@@ -134,6 +136,11 @@ impl Node for BinauralIftNoise {
         }
         let [behind, ahead] = p.vertices.motion_at.lookaround();
         s.lookaround(Port::speeds, behind, ahead);
+        if let Some(pressure) = s.optional(Port::pressure) {
+            s.check(check_pressure(&speeds, &pressure));
+            s.lookaround(Port::pressure, behind, ahead);
+            s.when_ended(Port::pressure, Ends::Hold);
+        }
         s.when_ended(Port::speeds, Ends::Stop);
         let frames = frames_per_item(speeds.rate, mesh.rate);
         // Positions between frames are linear.
@@ -204,6 +211,7 @@ impl Node for BinauralIftNoise {
                 let input = ClipInput {
                     speeds: speeds.item((item - first) as isize),
                     positions: Some(&self.positions),
+                    pressures: io.pressure.as_ref().map(|p| p.item((item - p.first()) as isize)),
                 };
                 self.clips
                     .prepare(clip, input)

@@ -1,8 +1,11 @@
 //! The times of clips relative to those of speeds.
 
 use crate::choices;
+use crate::contact::{Pressures, Speeds};
 use crate::core::fault::Reject;
+use crate::core::node::same_rate;
 use crate::core::params::Param;
+use crate::core::shape::Incoming;
 use crate::core::time::Rate;
 use crate::friction::model::MAX_CLIP_SAMPLES;
 
@@ -32,6 +35,22 @@ impl MotionAt {
             Self::Start => clip as i64 - 1,
         }
     }
+}
+
+/// Refuses pressures of other vertices or times than those of the speeds.
+pub(super) fn check_pressure(
+    speeds: &Incoming<Speeds>,
+    pressure: &Incoming<Pressures>,
+) -> Result<(), Reject> {
+    same_rate("pressure", pressure.rate, "`speeds`", speeds.rate)?;
+    let (found, wanted) = (pressure.format.len(), speeds.format.len());
+    if found == wanted {
+        return Ok(());
+    }
+    let message = format!("`pressure` has {found} vertices, `speeds` has {wanted}");
+    Err(Reject::new("F067", message)
+        .at("pressure")
+        .help("link the pressures of the contacts that give the speeds"))
 }
 
 /// Returns the number of samples from one speed to the next.

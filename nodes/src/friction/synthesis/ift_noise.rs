@@ -1,11 +1,11 @@
 //! Friction noise in one channel, as a node.
 
 use super::clip_stream::ClipStream;
-use super::clip_timing::hop;
+use super::clip_timing::{check_pressure, hop};
 use super::noise::{ClipInput, IftNoise};
 use super::noise_params::{ClipParams, EmitterKind, Emitters, IftNoiseParams, VertexLevelParams};
 use super::speed_coverage::coverage_summary;
-use crate::contact::Speeds;
+use crate::contact::{Pressures, Speeds};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -13,7 +13,7 @@ use crate::core::node::{Class, Node, Retune, Summary};
 use crate::core::params::Params;
 use crate::core::ports::{Stream, Value};
 use crate::core::random::Rng;
-use crate::core::shape::{Build, Shape};
+use crate::core::shape::{Build, Ends, Shape};
 use crate::core::time::Rate;
 use crate::dsp;
 use crate::friction::model::FrictionModel;
@@ -55,6 +55,8 @@ ports! {
             speeds: Stream<Speeds>,
             /// Power density per speed.
             model: Value<FrictionModel>,
+            /// Factor on the power per vertex, from `ContactPressure`, at the rate of `speeds`.
+            pressure: Option<Stream<Pressures>>,
         }
         out {
             /// Friction sound, mono, full scale +-1.
@@ -87,6 +89,11 @@ impl Node for IftNoiseNode {
         }
         let [behind, ahead] = p.vertices.motion_at.lookaround();
         s.lookaround(IftNoisePorts::speeds, behind, ahead);
+        if let Some(pressure) = s.optional(IftNoisePorts::pressure) {
+            s.check(check_pressure(&speeds, &pressure));
+            s.lookaround(IftNoisePorts::pressure, behind, ahead);
+            s.when_ended(IftNoisePorts::pressure, Ends::Hold);
+        }
         s.output(IftNoisePorts::audio, p.rate, Channels(1));
         Ok(())
     }
@@ -121,6 +128,7 @@ impl Node for IftNoiseNode {
         let motion_at = self.params.vertices.motion_at;
         let clip = |clip: u64| ClipInput {
             speeds: speeds.item((motion_at.item(clip) - first) as isize),
+            pressures: io.pressure.as_ref().map(|p| p.item((motion_at.item(clip) - p.first()) as isize)),
             positions: None,
         };
         self.clips.fill(from, out, clip).map_err(|e| Fault::new("F076", e.to_string()).at("speeds"))?;

@@ -12,7 +12,7 @@ use thiserror::Error;
 
 use super::clusters::Clusters;
 use super::noise_params::{AreaWeight, Emitters, IftNoiseParams, Magnitude};
-use super::phasors::{BLOCK, phasors, rayleigh};
+use super::phasors::{BLOCK, Rayleigh, phasors};
 use super::receiver::{Mono, Receiver};
 use super::speed_coverage::SpeedCoverage;
 use crate::archive_state;
@@ -64,6 +64,16 @@ pub enum NoiseError {
         /// Speed found.
         found: f32,
     },
+    /// A pressure that is negative or not finite.
+    #[error("clip {clip}: pressure of vertex {vertex} is {found}; pressures are finite and not negative")]
+    Pressure {
+        /// Index of the clip.
+        clip: u64,
+        /// Index of the vertex.
+        vertex: usize,
+        /// Pressure found.
+        found: f32,
+    },
     /// A position that is not finite.
     #[error("clip {clip}: position of vertex {vertex} is {found:?}; coordinates are finite")]
     Position {
@@ -77,12 +87,14 @@ pub enum NoiseError {
 }
 
 /// Motion of the vertices at the centre of a clip.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct ClipInput<'a> {
     /// Sliding speed per vertex in m/s. A speed of 0 is silent and costs nothing.
     pub speeds: &'a [f32],
     /// Position per vertex in metres, for clusters and receivers.
     pub positions: Option<&'a [[f32; 3]]>,
+    /// Factor on the power per vertex, as of [`Pressures`](crate::contact::Pressures); none for 1.
+    pub pressures: Option<&'a [f32]>,
 }
 
 /// A sliding vertex as weights of two neighbouring rows of the table.
@@ -110,7 +122,8 @@ struct Sliding {
 pub struct IftNoise<R = Mono> {
     table: SpectrumTable,
     params: IftNoiseParams,
-    magnitude: Magnitude,
+    /// Of [`Magnitude::Rayleigh`].
+    rayleigh: Option<Rayleigh>,
     /// Power gain per vertex.
     gains: Vec<f64>,
     random: Random,
@@ -194,7 +207,10 @@ impl<R: Receiver> IftNoise<R> {
         let channels = receiver.channels();
         Ok(Self {
             params,
-            magnitude: params.magnitude.unwrap_or_else(|| params.emitters.magnitude()),
+            rayleigh: match params.magnitude.unwrap_or_else(|| params.emitters.magnitude()) {
+                Magnitude::Rayleigh => Some(Rayleigh::new()),
+                Magnitude::Fixed => None,
+            },
             gains: vertex_areas.iter().map(weight).collect(),
             random,
             receiver,
@@ -247,10 +263,10 @@ impl<R: Receiver> IftNoise<R> {
     /// exactly zero.
     ///
     /// # Shapes
-    /// `input.speeds: [V]`, `input.positions: [V]`, `out: [channels * N]`, planar.
+    /// `input.speeds: [V]`, `input.positions: [V]`, `input.pressures: [V]`, `out: [channels * N]`, planar.
     ///
     /// # Errors
-    /// When a slice has the wrong length, a speed is negative or not finite, or a position is not finite. `out` is then
+    /// When a slice has the wrong length, a speed or pressure is negative or not finite, or a position is not finite. `out` is then
     /// unspecified.
     pub fn clip(&mut self, clip: u64, input: ClipInput<'_>, out: &mut [f32]) -> Result<usize, NoiseError> {
         let len = self.clip_len();
@@ -280,11 +296,22 @@ impl<R: Receiver> IftNoise<R> {
         if let Some(positions) = input.positions {
             check_length(clip, "positions", positions.len(), vertices)?;
         }
+        if let Some(pressures) = input.pressures {
+            check_length(clip, "pressures", pressures.len(), vertices)?;
+        }
         self.sliding.clear();
         let mut coverage = self.coverage;
         for (vertex, (&speed, &gain)) in input.speeds.iter().zip(&self.gains).enumerate() {
             if !(0.0..f32::INFINITY).contains(&speed) {
                 return Err(NoiseError::Speed { clip, vertex, found: speed });
+            }
+            let mut gain = gain;
+            if let Some(pressures) = input.pressures {
+                let found = pressures[vertex];
+                if !(0.0..f32::INFINITY).contains(&found) {
+                    return Err(NoiseError::Pressure { clip, vertex, found });
+                }
+                gain *= f64::from(found);
             }
             if gain == 0.0 {
                 continue;
@@ -378,8 +405,8 @@ impl<R: Receiver> IftNoise<R> {
                 re[i] = a * cos[i];
                 im[i] = a * sin[i];
             }
-            if self.magnitude == Magnitude::Rayleigh {
-                let m = rayleigh(&self.random, entity, clip, block);
+            if let Some(rayleigh) = self.rayleigh {
+                let m = rayleigh.magnitudes(&self.random, entity, clip, block);
                 for i in 0..BLOCK {
                     re[i] *= m[i];
                     im[i] *= m[i];

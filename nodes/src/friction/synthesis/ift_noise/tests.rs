@@ -44,6 +44,34 @@ fn cloth_at_rest_is_exactly_silent_and_audio_lasts_as_long_as_the_speeds() {
 }
 
 #[test]
+fn pressure_is_a_factor_on_power_and_without_any_nothing_sounds() {
+    let areas: std::sync::Arc<[f32]> = vec![1e-4; VERTICES].into();
+    let with = |pressures: Vec<f32>| {
+        let node = standalone(params(), Rate::hz(40), vec![0.4; 40 * VERTICES]);
+        node.optional(IftNoisePorts::pressure, Rate::hz(40), areas.clone(), pressures)
+    };
+    let of = |pressure: f32| with(vec![pressure; 40 * VERTICES]).run().unwrap().stream(IftNoisePorts::audio);
+    let plain = standalone(params(), Rate::hz(40), vec![0.4; 40 * VERTICES]);
+    assert_eq!(plain.run().unwrap().stream(IftNoisePorts::audio), of(1.0));
+    let (light, firm) = (of(1.0), of(4.0));
+    assert!((power(&firm) / power(&light) - 4.0).abs() < 1e-3);
+    assert!(of(0.0).iter().all(|x| *x == 0.0));
+    let fault = with(vec![-1.0; 40 * VERTICES]).run().err().unwrap();
+    assert!(fault.code == "F076" && fault.message.contains("pressure of vertex 0 is -1"), "{fault}");
+    let slow = standalone(params(), Rate::hz(40), vec![0.4; 40 * VERTICES]);
+    let slow = slow.optional(IftNoisePorts::pressure, Rate::hz(20), areas.clone(), vec![1.0; 20 * VERTICES]);
+    assert_eq!(slow.shape().unwrap_err().field.as_deref(), Some("pressure"));
+    let fewer: std::sync::Arc<[f32]> = vec![1e-4; 2].into();
+    let fewer = standalone(params(), Rate::hz(40), vec![0.4; 40 * VERTICES]).optional(
+        IftNoisePorts::pressure,
+        Rate::hz(40),
+        fewer,
+        vec![1.0; 80],
+    );
+    assert_eq!(fewer.shape().unwrap_err().code, "F067");
+}
+
+#[test]
 fn motion_at_the_start_of_a_clip_sounds_from_that_time() {
     let mut speeds = vec![0.0; 40 * VERTICES];
     speeds[20 * VERTICES] = 0.4;

@@ -15,7 +15,7 @@ fn stream(fs: f64, params: IftNoiseParams, areas: &[f32]) -> ClipStream {
 }
 
 fn constant<'a>(speeds: &'a [f32]) -> impl FnMut(u64) -> ClipInput<'a> {
-    move |_| ClipInput { speeds, positions: None }
+    move |_| ClipInput { speeds, ..ClipInput::default() }
 }
 
 fn render(stream: &mut ClipStream, seconds: f64, fs: f64, speeds: &[f32]) -> Vec<f32> {
@@ -75,7 +75,7 @@ fn one_clip_has_exactly_the_power_of_the_spectrum() {
         let mut noise = IftNoise::new(&model(), fs, params, &ONE, Random::new(1, "x")).unwrap();
         noise.window.fill(1.0);
         let mut out = vec![0.0; noise.clip_len()];
-        noise.clip(3, ClipInput { speeds: &[1.0], positions: None }, &mut out).unwrap();
+        noise.clip(3, ClipInput { speeds: &[1.0], ..ClipInput::default() }, &mut out).unwrap();
         let expected: f64 = noise.table.row(255)[1..].iter().map(|&p| f64::from(p)).sum();
         assert!((mean_square(&out) / expected - 1.0).abs() < 1e-5, "{fs}");
         assert!((expected / model().power(1.0) - 1.0).abs() < 1e-3);
@@ -115,7 +115,7 @@ fn a_speed_ramp_moves_the_centroid_as_the_model_predicts() {
     let clips = (seconds * fs) as usize / hop + 2;
     let ramp: Vec<[f32; 1]> = (0..clips).map(|k| [0.1 + 0.9 * k as f32 / clips as f32]).collect();
     let mut x = vec![0.0; (clips - 2) * hop];
-    s.fill(0, &mut x, |k| ClipInput { speeds: &ramp[k as usize], positions: None }).unwrap();
+    s.fill(0, &mut x, |k| ClipInput { speeds: &ramp[k as usize], ..ClipInput::default() }).unwrap();
     for part in 0..6 {
         let from = part * (clips - 2) / 6;
         let to = (part + 1) * (clips - 2) / 6;
@@ -175,7 +175,7 @@ fn clusters_and_single_vertices_have_the_same_spectrum() {
         let noise = IftNoise::with_receiver(&model(), fs, params, &areas, random, Placed).unwrap();
         let mut s = ClipStream::new(noise);
         let mut x = vec![0.0; (20.0 * fs) as usize];
-        s.fill(0, &mut x, |_| ClipInput { speeds: &speeds, positions }).unwrap();
+        s.fill(0, &mut x, |_| ClipInput { speeds: &speeds, positions, pressures: None }).unwrap();
         third_octaves(&welch(&x, fs, 4410, 2205, AnalysisWindow::Hann).unwrap(), 10.0)
     };
     let reference = spectrum(Emitters::PerVertex, None);
@@ -197,7 +197,7 @@ fn clusters_are_as_lively_as_the_sum_of_their_vertices() {
         let mut out = vec![0.0; noise.clip_len()];
         let powers: Vec<f64> = (0..400)
             .map(|k| {
-                noise.clip(k, ClipInput { speeds: &[0.7; 24], positions: None }, &mut out).unwrap();
+                noise.clip(k, ClipInput { speeds: &[0.7; 24], ..ClipInput::default() }, &mut out).unwrap();
                 mean_square(&out)
             })
             .collect();
@@ -220,7 +220,7 @@ fn without_sliding_vertices_the_output_is_exactly_silent() {
     let mut noise =
         IftNoise::new(&model(), 48000.0, IftNoiseParams::default(), &[0.0], Random::new(1, "x")).unwrap();
     let mut out = vec![1.0; noise.clip_len()];
-    let sliding = noise.clip(0, ClipInput { speeds: &[1.0], positions: None }, &mut out).unwrap();
+    let sliding = noise.clip(0, ClipInput { speeds: &[1.0], ..ClipInput::default() }, &mut out).unwrap();
     assert_eq!((sliding, out.iter().all(|&x| x == 0.0)), (0, true), "no area, no sound");
 }
 
@@ -248,8 +248,9 @@ fn wrong_input_is_named_by_clip_and_vertex() {
     let mut noise =
         IftNoise::new(&model(), 48000.0, IftNoiseParams::default(), &[1e-4; 2], Random::new(1, "x")).unwrap();
     let mut out = vec![0.0; noise.clip_len()];
-    let mut clip =
-        |speeds: &[f32], positions| noise.clip(7, ClipInput { speeds, positions }, &mut out).unwrap_err();
+    let mut clip = |speeds: &[f32], positions| {
+        noise.clip(7, ClipInput { speeds, positions, pressures: None }, &mut out).unwrap_err()
+    };
     assert!(matches!(clip(&[0.1, f32::NAN], None), NoiseError::Speed { clip: 7, vertex: 1, .. }));
     assert!(matches!(clip(&[-0.1, 0.0], None), NoiseError::Speed { vertex: 0, .. }));
     assert!(matches!(clip(&[0.1], None), NoiseError::Length { found: 1, expected: 2, .. }));
@@ -307,7 +308,12 @@ fn channels_share_phases_so_a_delay_between_them_is_the_peak_of_their_correlatio
     let positions = [[0.0; 3], [1.0; 3], [2.0; 3]];
     let t = 48000;
     let mut out = vec![0.0; 2 * t];
-    s.fill(0, &mut out, |_| ClipInput { speeds: &[0.3, 0.5, 0.9], positions: Some(&positions) }).unwrap();
+    s.fill(0, &mut out, |_| ClipInput {
+        speeds: &[0.3, 0.5, 0.9],
+        positions: Some(&positions),
+        pressures: None,
+    })
+    .unwrap();
     let (left, right) = out.split_at(t);
     let correlation =
         |lag: usize| -> f64 { left[..t - 60].iter().zip(&right[lag..]).map(|(a, b)| f64::from(a * b)).sum() };
@@ -332,7 +338,7 @@ proptest! {
         let params = IftNoiseParams { emitters, clip: 0.02, ..Default::default() };
         let positions = [[0.0; 3], [1.0; 3], [3.0; 3]];
         let speeds: Vec<[f32; 3]> = (0..200).map(|k| [0.0, 0.01 * k as f32, 1.5 - 0.005 * k as f32]).collect();
-        let input = |k: u64| ClipInput { speeds: &speeds[k as usize], positions: placed.then_some(&positions[..]) };
+        let input = |k: u64| ClipInput { speeds: &speeds[k as usize], positions: placed.then_some(&positions[..]), pressures: None };
         let total: usize = cuts.iter().sum();
         let mut whole = vec![f32::NAN; total];
         let stream = || {
