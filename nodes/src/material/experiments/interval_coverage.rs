@@ -1,6 +1,7 @@
 //! How often intervals hold the truth, as a node.
 
 use super::synthetic::independent_points;
+use crate::core::computation::Monitor;
 use crate::core::fault::Fault;
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -18,6 +19,7 @@ use crate::plot::{Chart, Line};
 use crate::table::ResultTable;
 use crate::{params, ports};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// `a1` in 1/s, `a2` in s, and the rate of the support damping in s of the data sets: those of the paper's porcelain plate.
 pub const TRUTH: [f64; 3] = [3.9, 1e-8, 0.125];
@@ -133,28 +135,33 @@ pub struct Coverage {
     pub sets: usize,
 }
 
-/// Intervals of data sets by each of [`METHODS`].
+/// Intervals of data sets by each of [`METHODS`]; `None` where the monitor stops them. It is given the share that is done.
 ///
 /// # Complexity
 /// `sets draws` refits, in parallel; a function of the seed for any number of threads.
 #[must_use]
-pub fn coverage(size: &CoverageSize, sigma: f64, seed: u64) -> [Coverage; 4] {
+pub fn coverage(size: &CoverageSize, sigma: f64, seed: u64, monitor: &Monitor<'_>) -> Option<[Coverage; 4]> {
     let [a1, a2, eta] = TRUTH;
-    let all: Vec<[Option<[Held; 2]>; 4]> = (0..size.sets)
+    let done = AtomicUsize::new(0);
+    let all: Option<Vec<[Option<[Held; 2]>; 4]>> = (0..size.sets)
         .into_par_iter()
         .map(|k| {
+            if monitor(done.fetch_add(1, Ordering::Relaxed) as f64 / size.sets as f64) {
+                return None;
+            }
             let own = seed.wrapping_add(1000 + k as u64);
             let points = independent_points(&mut Rng::new(own), size.features, [a1, a2, sigma, eta]);
-            one_set(&points, size.draws, own)
+            Some(one_set(&points, size.draws, own))
         })
         .collect();
-    [0, 1, 2, 3].map(|m| {
+    let all = all?;
+    Some([0, 1, 2, 3].map(|m| {
         let of: Vec<[Held; 2]> = all.iter().filter_map(|intervals| intervals[m]).collect();
         let count = of.len().max(1) as f64;
         let share = |j: usize| of.iter().filter(|held| held[j].0).count() as f64 / count;
         let width = |j: usize| of.iter().map(|held| held[j].1).sum::<f64>() / count;
         Coverage { shares: [share(0), share(1)], widths: [width(0), width(1)], sets: of.len() }
-    })
+    }))
 }
 
 /// The 95 % interval of a share of `n`, after Wilson.
@@ -189,8 +196,10 @@ impl Func for IntervalCoverage {
             "data_sets",
         ]);
         let mut lines: Vec<Vec<[f64; 2]>> = vec![Vec::new(); 2 * METHODS.len()];
-        for sigma in &p.noise {
-            for (m, of) in coverage(&size, *sigma, seed).into_iter().enumerate() {
+        for (level, sigma) in p.noise.iter().enumerate() {
+            let monitor = |share: f64| (cx.monitor)((level as f64 + share) / p.noise.len() as f64);
+            let found = coverage(&size, *sigma, seed, &monitor).ok_or_else(Fault::stopped)?;
+            for (m, of) in found.into_iter().enumerate() {
                 if of.sets == 0 {
                     continue;
                 }

@@ -1,5 +1,6 @@
 //! Statistics over many data sets: coverage of intervals, and spurious features.
 
+use crate::core::computation::unmonitored;
 use crate::material::experiments::interval_coverage::{CoverageSize, METHODS, coverage};
 use crate::material::experiments::spurious_features::{Layout, median_errors};
 
@@ -9,7 +10,7 @@ fn intervals_hold_the_truth_in_about_95_percent_of_400_data_sets() {
     println!("| noise | intervals | a1 | a2 | data sets |");
     let size = CoverageSize { sets: 400, features: 750, draws: 200 };
     for sigma in [0.0, 0.4, 2.0] {
-        let found = coverage(&size, sigma, 0);
+        let found = coverage(&size, sigma, 0, &unmonitored).unwrap();
         for (method, of) in METHODS.iter().zip(found) {
             println!("| {sigma} | {method} | {:.3} | {:.3} | {} |", of.shares[0], of.shares[1], of.sets);
         }
