@@ -56,9 +56,10 @@ pub fn all_graphs() -> Vec<PathBuf> {
     found
 }
 
-/// Sub-graphs under `lib` are run by the graphs that use them; the table of likeness runs examples that run alone as well.
+/// Sub-graphs under `lib` are run by the graphs that use them; tables of likeness run examples that run alone as well.
 pub fn is_whole(path: &Path) -> bool {
-    !path.components().any(|c| c.as_os_str() == "lib") && !path.ends_with("cloth/likeness.ron")
+    let tables = ["cloth/likeness.ron", "cloth/held_out_settings.ron"];
+    !path.components().any(|c| c.as_os_str() == "lib") && !tables.iter().any(|table| path.ends_with(table))
 }
 
 /// Time at which a run of an example may be cut, to save time; a piece with marked moments runs whole.

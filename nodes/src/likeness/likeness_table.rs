@@ -8,6 +8,7 @@ use crate::core::params::Text;
 use crate::core::ports::{Many, Value};
 use crate::core::random::Rng;
 use crate::core::shape::Build;
+use crate::plot::{Chart, Line};
 use crate::table::{Cell, ResultTable};
 use crate::unit::SelectionReport;
 use crate::{params, ports};
@@ -17,7 +18,8 @@ params! {
     ///
     /// A row has the share of units without a near enough match (fallbacks), the mean length of runs in units, the share of repeats,
     /// the mean line of the envelope, the level at joins above the recordings' 95th percentile, and the shares of statistics
-    /// (level spread and kurtosis; all) within the range of the recordings. `missed` names what misses its aim: repeats at most
+    /// (level spread and kurtosis; all) within the range of the recordings. Thirds of an octave and modulation have the root mean square difference
+    /// from all recordings together. `missed` names what misses its aim: repeats at most
     /// 1 %, lines at most 1.5 dB, joins at most 1 dB, level spread and kurtosis within the range.
     pub struct LikenessTableParams {
         /// Name of each sound, in the order of `reports`; those without one are numbered.
@@ -53,6 +55,15 @@ fn within(likeness: &Likeness, quantities: &[&str]) -> Option<f64> {
     (!known.is_empty()).then(|| known.iter().filter(|w| **w).count() as f64 / known.len() as f64)
 }
 
+/// Root mean square difference between sound and recordings over the bands of a quantity.
+fn difference(likeness: &Likeness, quantity: &str) -> Option<f64> {
+    let of = |s: &&super::Statistic| s.quantity == quantity;
+    let squares =
+        likeness.statistics.iter().filter(of).filter_map(|s| Some((s.sound? - s.recordings?).powi(2)));
+    let squares: Vec<f64> = squares.collect();
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}
+
 /// Share of fallbacks and mean length of runs in units, over all channels.
 fn selected(report: &SelectionReport) -> [Option<f64>; 2] {
     let picks = |c: &crate::unit::ChannelReport| c.picks.iter().filter(|pick| !pick.asleep).count() as f64;
@@ -77,6 +88,8 @@ pub fn likeness_table<'a>(
         "joins_excess_db",
         "level_and_kurtosis_within",
         "all_within",
+        "third_octaves_rms_db",
+        "modulation_rms_db",
         "missed",
     ]);
     for (name, likeness, selection) in rows {
@@ -93,10 +106,30 @@ pub fn likeness_table<'a>(
         let mut row: Vec<Cell> =
             vec![name.into(), likeness.sound.seconds.into(), fallbacks.into(), run.into()];
         row.extend(figures.map(Cell::from));
-        row.extend([shape.into(), likeness.within_share.into(), missed.join(", ").into()]);
+        row.extend([shape.into(), likeness.within_share.into()]);
+        row.extend(["third octave", "modulation"].map(|quantity| difference(likeness, quantity).into()));
+        row.push(missed.join(", ").into());
         table.push(row);
     }
+    table.charts = [
+        ("Difference from the recordings", ["third_octaves_rms_db", "modulation_rms_db"]),
+        ("Lines and joins", ["lines_db", "joins_excess_db"]),
+    ]
+    .map(|(title, names)| {
+        Chart::of(title, ("row", false), ("dB", false), names.map(|n| dots(&table, n)).into())
+    })
+    .into();
     table
+}
+
+/// A column of a table against the number of the row.
+fn dots(table: &ResultTable, name: &str) -> Line {
+    let column = table.columns.iter().position(|column| column == name);
+    let at = |(k, row): (usize, &Vec<Cell>)| match row.get(column?)? {
+        Cell::Number(x) => Some([(k + 1) as f64, *x]),
+        _ => None,
+    };
+    Line::dots(name, table.rows.iter().enumerate().filter_map(at).collect())
 }
 
 impl Func for LikenessTable {
@@ -144,5 +177,20 @@ mod tests {
         assert_eq!(rows.len(), 3);
         assert!(rows[1].starts_with("bad,") && rows[1].contains("repeats"), "{csv}");
         assert!(rows[2].starts_with("good,") && !rows[2].contains("repeats"), "{csv}");
+        assert!(table.plot().unwrap().contains("third_octaves_rms_db"));
+    }
+
+    #[test]
+    fn a_difference_is_the_root_mean_square_over_the_bands_that_both_have() {
+        let of = |sound, recordings| super::super::Statistic {
+            quantity: "third octave".into(),
+            sound,
+            recordings,
+            ..Default::default()
+        };
+        let statistics = vec![of(Some(1.0), Some(4.0)), of(Some(2.0), Some(-2.0)), of(Some(9.0), None)];
+        let likeness = Likeness { statistics, ..Likeness::default() };
+        assert_eq!(difference(&likeness, "third octave"), Some(12.5_f64.sqrt()));
+        assert_eq!(difference(&likeness, "modulation"), None);
     }
 }
