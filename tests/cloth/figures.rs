@@ -4,8 +4,13 @@ use crate::common::figure::{commands, heights, labels, mean, numbers, run, value
 
 /// The drawing of a figure, by the command beside its number in the book.
 fn figure(number: &str) -> String {
+    part_of_figure(number, 0)
+}
+
+/// The drawing of a part of a figure.
+fn part_of_figure(number: &str, part: usize) -> String {
     let commands = commands(include_str!("../../docs/src/cloth.md"), number);
-    run(&commands[0]).swap_remove(0)
+    run(&commands[part]).swap_remove(0)
 }
 
 /// Spectra of friction: a line for each speed, the faster the louder.
@@ -101,7 +106,7 @@ fn figure_10_has_three_features_of_target_and_choice_that_go_together() {
 
 #[test]
 fn figure_11_has_both_worlds_before_and_after_the_warp_that_brings_them_together() {
-    let svg = figure("11");
+    let svg = part_of_figure("11", 1);
     assert!(svg.contains("Before the warp") && svg.contains("After the warp"));
     let [target, database] = ["#2166ac", "#bbb"].map(|colour| numbers(&svg, "circle", colour, "cx"));
     assert!(target.len() == 800 && database.len() > 400 && database.len() % 2 == 0);
@@ -116,4 +121,15 @@ fn figure_11_has_both_worlds_before_and_after_the_warp_that_brings_them_together
     let half = x1.len() / 2;
     let [before, after] = [0..half, half..2 * half].map(|all| all.map(long).sum::<f64>() / half as f64);
     assert!(half > 50 && after < 0.3 * before, "pairs {before} apart, then {after}");
+}
+
+#[test]
+fn figure_11_has_both_waveforms_with_their_correspondences() {
+    let svg = part_of_figure("11", 0);
+    assert!(svg.contains("Target") && svg.contains("Recordings"));
+    let set = include_str!("../../graphs/assets/cloth/sheet.correspondences.ron");
+    let pairs = set.matches("duration: ").count();
+    let marks = svg.matches("fill-opacity=\"0.25\"").count();
+    assert!(pairs > 4 && marks == 2 * pairs, "{marks} marks of {pairs} correspondences");
+    assert!(heights(&svg).iter().all(|line| line.len() > 1000), "two waveforms");
 }

@@ -5,10 +5,13 @@ use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// The commands of the row of a table that begins with a figure's number, in order, as their words after `foley run`. One that begins
-/// with `--set` is the first with another number, and writes its own file.
+/// The commands of the rows of a table that begin with a figure's number, in order, as their words after `foley run`. One that begins
+/// with `--set` is the first of its row with another number, and writes its own file.
 pub fn commands(book: &str, row: &str) -> Vec<Vec<String>> {
-    let row = book.lines().find(|line| line.starts_with(&format!("| {row}, "))).unwrap();
+    book.lines().filter(|line| line.starts_with(&format!("| {row}, "))).flat_map(commands_of_row).collect()
+}
+
+fn commands_of_row(row: &str) -> Vec<Vec<String>> {
     let parts: Vec<&str> = row.split('`').skip(1).step_by(2).collect();
     let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
     let first = words(parts[0]);

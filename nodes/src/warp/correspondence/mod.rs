@@ -1,6 +1,8 @@
 //! Correspondences between a target and a database, and the pairs of feature vectors from them.
 
+pub mod correspondence_figure;
 pub mod correspondence_set;
+pub mod marked_waveforms;
 pub mod pairing;
 pub mod set;
 pub(crate) mod target_features;
