@@ -11,10 +11,11 @@ mod lsp;
 mod memo;
 mod peers;
 mod sheet;
+mod voices;
 
 type Bench = (&'static str, fn());
 
-const BENCHES: [Bench; 8] = [
+const BENCHES: [Bench; 9] = [
     ("budget", budget::bench),
     ("engine", engine::bench),
     ("growth", growth::bench),
@@ -23,6 +24,7 @@ const BENCHES: [Bench; 8] = [
     ("memo", memo::bench),
     ("peers", peers::bench),
     ("sheet", sheet::bench),
+    ("voices", voices::bench),
 ];
 
 fn main() -> std::process::ExitCode {
