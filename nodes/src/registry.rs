@@ -4,6 +4,7 @@ use crate::contact::analytic::analytic_collider::AnalyticCollider;
 use crate::contact::detection::contact_detector::ContactDetector;
 use crate::contact::material_router::MaterialRouter;
 use crate::contact::skinned::skinned_slip::SkinnedSlip;
+use crate::contact::sliding::contact_pressure::ContactPressure;
 use crate::contact::sliding::sliding_speed::SlidingSpeed;
 use crate::contact::sliding::speed_map::SpeedMapNode;
 use crate::core::node::{Each, Func, Node, NodeType};
@@ -169,6 +170,7 @@ use crate::unit::selection::global_unit_selector::GlobalUnitSelector;
 use crate::unit::selection::online_unit_selector::OnlineUnitSelector;
 use crate::unit::selection::selection_report::SelectionReportNode;
 use crate::unit::selection::unit_selector::UnitSelector;
+use crate::warp::correspondence::correspondence_figure::CorrespondenceFigure;
 use crate::warp::correspondence::correspondence_set::Correspondences;
 use crate::warp::diagnostics::correspondence_diagnostics::CorrespondenceDiagnostics;
 use crate::warp::fit::tps_fit::TpsFit;
@@ -328,6 +330,7 @@ impl Registry {
             .with::<AnalyticCollider>()
             .with_each::<MaterialRouter>()
             .with::<SlidingSpeed>()
+            .with::<ContactPressure>()
             .with::<SkinnedSlip>()
             .with_each::<SpeedMapNode>()
             .family("friction")
@@ -485,6 +488,7 @@ impl Registry {
             .with_each::<VertexPose>()
             .family("warp")
             .with_func::<Correspondences>()
+            .with::<CorrespondenceFigure>()
             .with::<CorrespondenceDiagnostics>()
             .with::<CorrespondenceSuggester>()
             .with::<TpsFit>()

@@ -87,6 +87,7 @@ fn graph(subs: &str, target: &str, warp: &str) -> String {
                 recordings: [\"friction.wav\", \"crumple.wav\", \"silence.wav\"],
                 tags: [\"friction\", \"crumple\", \"silence\"],
                 widths: [10, 10, 10],
+                augment: Some(false),
             ),
             {target}
             \"mfcc\": Mfcc(audio: \"target\"),

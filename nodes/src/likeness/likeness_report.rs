@@ -97,7 +97,7 @@ fn takes_of(database: &UnitDatabase, rate: Rate) -> Result<Vec<Take>, Fault> {
             let name = database.sources.get(source).map_or("", |s| s.provenance.as_str());
             let name = name.rsplit(['/', '\\']).next().filter(|name| !name.is_empty());
             let name = name.map_or_else(|| format!("recording {}", source + 1), str::to_owned);
-            let segments: Vec<_> = database.segments.iter().filter(|s| s.source as usize == source).collect();
+            let segments: Vec<_> = database.originals().filter(|s| s.source as usize == source).collect();
             // Segments of other channels hold the same times.
             let mut starts: Vec<(u64, Vec<usize>)> = Vec::new();
             for segment in &segments {

@@ -14,7 +14,8 @@ pub use database::builder;
 pub use selection::{global, kdtree, report};
 
 pub use concatenation::{Blend, Concatenator, Join, join};
-pub use database::{BuildError, DatabaseError, Gap, Segment, Take, UnitDatabase, UnitSource, build};
+pub use database::{Augmentation, BuildError, DatabaseError, Gap, Segment, Take, Variant};
+pub use database::{UnitDatabase, UnitSource, build, build_augmented};
 pub use selection::{ChannelReport, SelectionReport};
 pub use selection::{Choice, NotFinite, Selector, SelectorParams, Units, selector};
 pub use selection::{Pick, PickFormat, Picks};

@@ -47,7 +47,7 @@ fn database() -> UnitDatabase {
         version: DATABASE_VERSION,
         conventions: conventions(),
         floor_energy: 1e-10,
-        segments: vec![Segment { start: 0, units: UNITS as u32, source: 0, channel: 0, offset: 0 }],
+        segments: vec![Segment { start: 0, units: UNITS as u32, source: 0, ..Segment::default() }],
         sources: vec![UnitSource { provenance: "drag.wav".into(), ..UnitSource::default() }],
         audio: vec![0.0; UNITS * 400],
         unfiltered: features.clone(),
@@ -436,7 +436,7 @@ fn only_recordings_of_the_tags_are_proposed() {
     db.sources =
         ["cotton", "nylon"].map(|tag| UnitSource { tag: tag.into(), ..UnitSource::default() }).into();
     db.segments =
-        [0, 1].map(|k| Segment { start: k * half, units: half, source: k, channel: 0, offset: 0 }).into();
+        [0, 1].map(|k| Segment { start: k * half, units: half, source: k, ..Segment::default() }).into();
     let standalone = |tag: &str| {
         let p = CorrespondenceSuggesterParams { count: 4, all: true, tags: vec![tag.into()], ..suggester() };
         Standalone::new::<CorrespondenceSuggester>(p)
@@ -468,7 +468,7 @@ fn causes_of_a_target_are_heard_at_the_rate_of_its_units_alone() {
         ["friction", "crumple"].map(|tag| UnitSource { tag: tag.into(), ..UnitSource::default() }).into();
     let half = UNITS as u32 / 2;
     db.segments =
-        [0, 1].map(|k| Segment { start: k * half, units: half, source: k, channel: 0, offset: 0 }).into();
+        [0, 1].map(|k| Segment { start: k * half, units: half, source: k, ..Segment::default() }).into();
     let suggested = |rate: u32, window: i64| {
         let p = CorrespondenceSuggesterParams { count: 8, lambda: 100.0, ..suggester() };
         let features = (0..UNITS).flat_map(|unit| target(unit % (UNITS / 2))).collect();

@@ -17,7 +17,7 @@ fn database() -> UnitDatabase {
     let units = 480;
     let features = vec![0.0; units * conventions.dims()];
     let source = |name: &str| UnitSource { provenance: name.into(), ..UnitSource::default() };
-    let segment = |start, source| Segment { start, units: 240, source, channel: 0, offset: 0 };
+    let segment = |start, source| Segment { start, units: 240, source, ..Segment::default() };
     UnitDatabase {
         segments: vec![segment(0, 0), segment(240, 1)],
         sources: vec![source("folder/a.wav"), source("folder/b.wav")],

@@ -5,8 +5,9 @@ use std::borrow::Cow;
 use std::ops::Range;
 use thiserror::Error;
 
-use super::units::{DATABASE_VERSION, DatabaseError, Segment, UnitDatabase, UnitSource};
-use crate::dsp::{Band, Butterworth, Cascade, DspError};
+use super::units::{DATABASE_VERSION, DatabaseError, Segment, UnitDatabase, UnitSource, Variant};
+use crate::core::time::Rate;
+use crate::dsp::{Band, Butterworth, Cascade, DspError, Quality, Resampler};
 use crate::feature::{FeatureConventions, FloorRule, MelCepstrum, TemporalFilter};
 
 /// A recording at the rate of the conventions.
@@ -18,6 +19,62 @@ pub struct Take<'a> {
     pub spans: Option<Vec<Range<usize>>>,
     /// The value.
     pub source: UnitSource,
+}
+
+impl Take<'_> {
+    /// Number of samples of each channel.
+    fn len(&self) -> usize {
+        self.channels.iter().map(Vec::len).min().unwrap_or(0)
+    }
+
+    /// Number of samples of each channel that are used.
+    #[must_use]
+    pub fn used(&self) -> usize {
+        self.spans.as_ref().map_or_else(|| self.len(), |spans| spans.iter().map(ExactSizeIterator::len).sum())
+    }
+}
+
+/// Copies of all recordings at other speeds and levels, of which each adds to the units of the recordings themselves.
+///
+/// With s speeds and g gains a database has (s + 1) (g + 1) times as many units. A change of speed changes the pitch by the same factor, as on tape.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Augmentation {
+    /// Factors on the speed, above 0; thousandths count.
+    pub speeds: Vec<f64>,
+    /// Gains, dB.
+    pub gains: Vec<f64>,
+}
+
+impl Augmentation {
+    /// All pairs of speed and gain, first that of the recordings themselves.
+    fn variants(&self) -> Vec<(f64, Vec<Variant>)> {
+        let gains = || std::iter::once(0.0).chain(self.gains.iter().copied());
+        let at = |speed: f64| {
+            let variant = |gain: f64| Variant { speed: speed as f32, gain: gain as f32 };
+            (speed, gains().map(variant).collect())
+        };
+        std::iter::once(1.0).chain(self.speeds.iter().copied()).map(at).collect()
+    }
+}
+
+/// Number of speeds to the unit that differ.
+const SPEED_STEPS: u64 = 1000;
+
+/// A recording at another speed.
+fn at_speed<'a>(take: &Take<'a>, speed: f64, rate: Rate) -> Result<Take<'a>, DspError> {
+    let steps = (speed * SPEED_STEPS as f64).round().max(1.0) as u64;
+    if steps == SPEED_STEPS {
+        return Ok(take.clone());
+    }
+    let from = Rate::new(rate.num() * steps, rate.den() * SPEED_STEPS).unwrap_or(rate);
+    let resampler = Resampler::new(from, rate, Quality::High)?;
+    let channels: Result<Vec<Vec<f32>>, DspError> =
+        take.channels.par_iter().map(|x| resampler.whole(x)).collect();
+    let mut changed = Take { channels: channels?.into(), ..take.clone() };
+    let (length, factor) = (changed.len(), SPEED_STEPS as f64 / steps as f64);
+    let at = |sample: usize| ((sample as f64 * factor).round() as usize).min(length);
+    changed.spans.iter_mut().flatten().for_each(|span| *span = at(span.start)..at(span.end));
+    Ok(changed)
 }
 
 /// Silence that cuts a recording into segments.
@@ -64,7 +121,15 @@ pub enum BuildError {
     },
     /// The high-pass cannot be made.
     #[error("high-pass: {0}")]
-    HighPass(#[from] DspError),
+    HighPass(DspError),
+    /// A speed that cannot be reached.
+    #[error("speed {speed}: {error}")]
+    Speed {
+        /// The speed.
+        speed: f64,
+        /// The reason.
+        error: DspError,
+    },
 }
 
 /// One gap-free stretch while it is worked on.
@@ -72,6 +137,7 @@ struct Stretch {
     source: u32,
     channel: u32,
     offset: usize,
+    variant: Variant,
     /// Filtered samples per joined channel, with those after the last whole unit, which its window reads.
     audio: Vec<Vec<f32>>,
     units: usize,
@@ -95,7 +161,22 @@ pub fn build(
     c: &FeatureConventions,
     gap: Option<Gap>,
 ) -> Result<UnitDatabase, BuildError> {
-    let stretches = stretches(takes, c, gap)?;
+    build_augmented(takes, c, gap, &Augmentation::default())
+}
+
+/// Makes a database as [`build`] does, with copies of all recordings after them.
+///
+/// The level of the floor does not depend on the copies.
+///
+/// # Errors
+/// Those of [`build`], and speeds that cannot be reached.
+pub fn build_augmented(
+    takes: &[Take<'_>],
+    c: &FeatureConventions,
+    gap: Option<Gap>,
+    augmentation: &Augmentation,
+) -> Result<UnitDatabase, BuildError> {
+    let stretches = stretches(takes, c, gap, augmentation)?;
     let units = stretches.iter().map(|s| s.units).sum::<usize>();
     if units == 0 || c.unit == 0 || c.dims() == 0 {
         return Err(DatabaseError::Empty { unit: c.unit }.into());
@@ -132,7 +213,8 @@ fn segments(stretches: &[Stretch]) -> Vec<Segment> {
     let segment = |s: &Stretch| {
         let units = s.units as u32;
         start += units;
-        Segment { start: start - units, units, source: s.source, channel: s.channel, offset: s.offset as u64 }
+        let Stretch { source, channel, variant, .. } = *s;
+        Segment { start: start - units, units, source, channel, offset: s.offset as u64, variant }
     };
     stretches.iter().map(segment).collect()
 }
@@ -157,11 +239,40 @@ fn stretches(
     takes: &[Take<'_>],
     c: &FeatureConventions,
     gap: Option<Gap>,
+    augmentation: &Augmentation,
 ) -> Result<Vec<Stretch>, BuildError> {
+    takes.iter().try_for_each(|take| check(take, c.joined.max(1) as usize))?;
+    let design = match c.high_pass > 0.0 {
+        true => {
+            let (order, rate) = (c.high_pass_order as usize, c.rate.as_f64());
+            let design = Butterworth::design(Band::HighPass, order, c.high_pass, rate);
+            Some(design.map_err(BuildError::HighPass)?)
+        }
+        false => None,
+    };
+    let mut all = Vec::new();
+    for (speed, variants) in augmentation.variants() {
+        let changed: Result<Vec<Take<'_>>, DspError> =
+            takes.iter().map(|take| at_speed(take, speed, c.rate)).collect();
+        let changed = changed.map_err(|error| BuildError::Speed { speed, error })?;
+        let originals = of_takes(&changed, c, gap, design.as_ref());
+        for variant in variants {
+            all.extend(originals.iter().map(|s| s.as_variant(variant)));
+        }
+    }
+    Ok(all)
+}
+
+/// The stretches of recordings at one speed.
+fn of_takes(
+    takes: &[Take<'_>],
+    c: &FeatureConventions,
+    gap: Option<Gap>,
+    design: Option<&Butterworth>,
+) -> Vec<Stretch> {
     let joined = c.joined.max(1) as usize;
     let mut jobs = Vec::new();
     for (source, take) in takes.iter().enumerate() {
-        check(take, joined)?;
         let groups = take.channels.chunks(joined).enumerate();
         for (group, channels) in groups {
             for span in take.spans.clone().unwrap_or_else(|| spans(channels, gap)) {
@@ -171,23 +282,25 @@ fn stretches(
             }
         }
     }
-    let design = match c.high_pass > 0.0 {
-        true => Some(Butterworth::design(
-            Band::HighPass,
-            c.high_pass_order as usize,
-            c.high_pass,
-            c.rate.as_f64(),
-        )?),
-        false => None,
-    };
     let stretch = |(source, channel, channels, span): (u32, u32, &[Vec<f32>], Range<usize>)| Stretch {
         source,
         channel,
         offset: span.start,
+        variant: Variant::default(),
         units: span.len() / c.unit.max(1) as usize,
-        audio: channels.iter().map(|x| clean(&x[span.clone()], design.as_ref(), c.frame as usize)).collect(),
+        audio: channels.iter().map(|x| clean(&x[span.clone()], design, c.frame as usize)).collect(),
     };
-    Ok(jobs.into_par_iter().map(stretch).collect())
+    jobs.into_par_iter().map(stretch).collect()
+}
+
+impl Stretch {
+    /// This stretch of a recording at the speed of a variant, at its gain.
+    fn as_variant(&self, variant: Variant) -> Self {
+        let gain = 10_f32.powf(variant.gain / 20.0);
+        let scaled = |x: &Vec<f32>| x.iter().map(|x| gain * x).collect();
+        let offset = (self.offset as f64 * f64::from(variant.speed)).round() as usize;
+        Self { variant, offset, audio: self.audio.iter().map(scaled).collect(), ..*self }
+    }
 }
 
 fn check(take: &Take<'_>, joined: usize) -> Result<(), BuildError> {
@@ -200,7 +313,7 @@ fn check(take: &Take<'_>, joined: usize) -> Result<(), BuildError> {
         });
     }
     if let Some(spans) = &take.spans {
-        let length = take.channels.iter().map(Vec::len).min().unwrap_or(0);
+        let length = take.len();
         let ordered = spans.windows(2).all(|pair| pair[0].end <= pair[1].start);
         if !ordered || spans.iter().any(|span| span.start > span.end || span.end > length) {
             return Err(BuildError::Spans { recording: recording() });
@@ -279,7 +392,7 @@ fn energies(stretches: &[Stretch], c: &FeatureConventions) -> Vec<f32> {
             out.iter_mut().zip(cepstrum.energies(frame)).for_each(|(out, &e)| *out = e as f32);
         })
     };
-    stretches.iter().flat_map(of).collect()
+    stretches.iter().filter(|s| s.variant == Variant::default()).flat_map(of).collect()
 }
 
 /// Energy of a band, as mean square of full scale, that the noise of every recording exceeds: -120 dB.

@@ -6,6 +6,6 @@ pub mod unit_database;
 pub mod unit_database_file;
 pub mod units;
 
-pub use builder::{BuildError, Gap, Take, build};
+pub use builder::{Augmentation, BuildError, Gap, Take, build, build_augmented};
 pub(crate) use units::file_names;
-pub use units::{DATABASE_VERSION, DatabaseError, Segment, UnitDatabase, UnitSource};
+pub use units::{DATABASE_VERSION, DatabaseError, Segment, UnitDatabase, UnitSource, Variant};

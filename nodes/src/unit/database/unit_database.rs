@@ -1,6 +1,6 @@
 //! The database builder as a node.
 
-use super::builder::{Gap, Take, build};
+use super::builder::{Augmentation, Gap, Take, build_augmented};
 use super::units::{UnitDatabase, UnitSource, database_summary};
 use crate::core::content::audio_digest;
 use crate::core::fault::{Fault, Reject};
@@ -25,6 +25,10 @@ feature_params! {
     /// further segments. No filter and no selection crosses the end of a segment. Each segment has its mean removed, is high-passed
     /// and cut into units; a remainder at its end is dropped. Recordings are resampled to `rate`.
     ///
+    /// A short database has few sounds of each level and brightness. `augment` adds copies of all recordings at other speeds and levels, so that
+    /// more units are near to a target. A selector takes units that differ in level only for the same one. Correspondences and reports of likeness
+    /// refer to the recordings themselves.
+    ///
     /// `takes` of a `TakeCutter` are added after the `recordings`, each take as a segment.
     ///
     /// The features must be computed as those of the target: set the same parameters on `Mfcc` and `TemporalGaussian`.
@@ -48,6 +52,12 @@ feature_params! {
         gap: Option<f64> = None, unit "s", range 0.001..=60.0;
         /// Peak level below which it is silent.
         gap_level: f64 = -80.0, unit "dB", range -200.0..=0.0;
+        /// Add copies of the recordings at other speeds and levels (data augmentation). None: where the recordings have less than 30 s.
+        augment: Option<bool> = None;
+        /// Speeds of the copies, as factors; they change the pitch as well.
+        speeds: Vec<f64> = vec![0.84, 1.19], unit "", range 0.25..=4.0;
+        /// Levels of the copies.
+        gains: Vec<f64> = vec![-8.0, -16.0], unit "dB", range -60.0..=20.0;
         /// The licence of the recordings; their paths are their provenance.
         licence: Text = "".into();
     }
@@ -75,6 +85,17 @@ const MAX_FRAMES: u64 = 1800 * 192_000;
 
 const RECORDINGS: RecordingParam =
     RecordingParam { name: "recordings", code: "F101", max: MaxLength::Frames(MAX_FRAMES) };
+
+/// Recordings with less than this, s, are augmented by default.
+const SHORT: f64 = 30.0;
+
+fn augmentation(p: &UnitDatabaseParams, takes: &[Take<'_>]) -> Augmentation {
+    let seconds = takes.iter().map(Take::used).sum::<usize>() as f64 / p.rate.as_f64();
+    match p.augment.unwrap_or(seconds < SHORT) {
+        true => Augmentation { speeds: p.speeds.clone(), gains: p.gains.clone() },
+        false => Augmentation::default(),
+    }
+}
 
 fn conventions(p: &UnitDatabaseParams, joined: u32) -> Result<FeatureConventions, Reject> {
     crate::feature::params::check_widths(&p.widths, p.n)?;
@@ -114,7 +135,7 @@ impl Func for UnitDatabaseNode {
     type Params = UnitDatabaseParams;
     type Ports = UnitDatabasePorts;
     const NAME: &'static str = "UnitDatabase";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     // They are the provenance of the database's sources.
     const EXPOSES_PATHS: bool = true;
 
@@ -158,7 +179,7 @@ impl Func for UnitDatabaseNode {
             samples: (seconds * p.rate.as_f64()).round() as usize,
             level: 10f64.powf(p.gap_level / 20.0) as f32,
         });
-        let db = build(&takes, &conventions, gap);
+        let db = build_augmented(&takes, &conventions, gap, &augmentation(p, &takes));
         let db = db.map_err(|e| Fault::new("F101", e.to_string()).at("recordings"))?;
         drop(takes);
         if db.audio.iter().all(|x| *x == 0.0) {

@@ -1,6 +1,7 @@
 //! Units of recordings with their features, from which concatenative synthesis chooses.
 
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use std::ops::Range;
 use thiserror::Error;
 
@@ -10,10 +11,26 @@ use crate::core::random::Rng;
 use crate::feature::FeatureConventions;
 
 /// Format of [`UnitDatabase`] that this code reads and writes.
-pub const DATABASE_VERSION: u32 = 3;
+pub const DATABASE_VERSION: u32 = 4;
+
+/// Speed and level of a segment relative to those of its recording.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Variant {
+    /// Factor on the speed, and on the pitch.
+    pub speed: f32,
+    /// Gain, dB.
+    pub gain: f32,
+}
+
+impl Default for Variant {
+    /// The recording itself.
+    fn default() -> Self {
+        Self { speed: 1.0, gain: 0.0 }
+    }
+}
 
 /// A recording without any gap: filters, look-ahead and runs of units never leave it.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Segment {
     /// Its first unit.
     pub start: u32,
@@ -25,6 +42,8 @@ pub struct Segment {
     pub channel: u32,
     /// Sample of the recording, at the database's rate, where it begins.
     pub offset: u64,
+    /// Speed and level; other than those of the recording in an augmented database.
+    pub variant: Variant,
 }
 
 impl Segment {
@@ -32,6 +51,12 @@ impl Segment {
     #[must_use]
     pub fn range(&self) -> Range<usize> {
         self.start as usize..(self.start + self.units) as usize
+    }
+
+    /// Returns true if it has the speed and level of its recording.
+    #[must_use]
+    pub fn is_original(&self) -> bool {
+        self.variant == Variant::default()
     }
 }
 
@@ -189,6 +214,36 @@ impl UnitDatabase {
         self.sources.get(segment.source as usize)
     }
 
+    /// Segments with the speed and level of their recordings.
+    pub fn originals(&self) -> impl Iterator<Item = &Segment> {
+        self.segments.iter().filter(|segment| segment.is_original())
+    }
+
+    /// Number of units with the speed and level of their recordings, which come first.
+    #[must_use]
+    pub fn recorded(&self) -> usize {
+        self.originals().map(|segment| segment.units as usize).sum()
+    }
+
+    /// The first unit with the sound of each unit at any level; empty if each is its own.
+    ///
+    /// # Complexity
+    /// O(units) time and memory.
+    #[must_use]
+    pub fn same_sounds(&self) -> Vec<u32> {
+        if self.segments.iter().all(|s| s.variant.gain == 0.0) {
+            return Vec::new();
+        }
+        let mut firsts: HashMap<_, u32> = HashMap::new();
+        let mut same = Vec::with_capacity(self.len());
+        for s in &self.segments {
+            let sound = (s.source, s.channel, s.offset, s.variant.speed.to_bits());
+            let first = *firsts.entry(sound).or_insert(s.start);
+            same.extend(first..first + s.units);
+        }
+        same
+    }
+
     /// Checks the invariants that the type does not enforce: lengths, segments, finite numbers.
     ///
     /// # Errors
@@ -245,7 +300,7 @@ impl Data for UnitDatabase {
         let mut start = 0;
         for _ in 0..1 + rng.below(3) {
             let units = 1 + rng.below(60) as u32;
-            segments.push(Segment { start, units, source: 0, channel: 0, offset: 0 });
+            segments.push(Segment { start, units, source: 0, ..Segment::default() });
             start += units;
         }
         let (units, dims) = (start as usize, conventions.dims());
@@ -269,12 +324,13 @@ impl Data for UnitDatabase {
 
 /// Figures of a database for the summary of a run.
 pub(super) fn database_summary(db: &UnitDatabase) -> Summary {
-    let seconds = (db.len() * db.unit()) as f64 / db.conventions.rate.as_f64();
+    let of_units = |units: usize| (units * db.unit()) as f64 / db.conventions.rate.as_f64();
     vec![
         ("units", db.len().into()),
+        ("recorded_units", db.recorded().into()),
         ("unit_samples", db.unit().into()),
         ("segments", db.segments.len().into()),
-        ("seconds", seconds.into()),
+        ("seconds", of_units(db.recorded()).into()),
         ("floor_db", (10.0 * db.floor_energy.log10()).into()),
     ]
 }

@@ -66,11 +66,8 @@ pub(crate) fn units<'a>(
 
 /// Warning about a database with no more units than `cool_off` excludes.
 pub(super) fn few_units_warning(units: &Units<'_>, look: usize, cool_off: usize) -> Option<String> {
-    let open = |start: usize, len: usize| {
-        let inside = units.allowed.get(start..start + len.saturating_sub(look)).unwrap_or_default();
-        inside.iter().filter(|allowed| **allowed).count()
-    };
-    let found: usize = units.segments.iter().map(|(start, len)| open(*start, *len)).sum();
+    let whole = units.segments.iter().flat_map(|(start, len)| *start..start + len.saturating_sub(look));
+    let found = units.different(whole);
     (cool_off > 0 && found <= cool_off).then(|| {
         format!(
             "{found} units can be chosen, and each is kept from coming again for {cool_off} (`cool_off`), so that they only take \

@@ -217,12 +217,7 @@ impl GlobalUnitSelector {
         let mut choices = Vec::new();
         // Only what the tags allow is in the table.
         let allowed = (0..self.db.len()).map(|unit| self.table.column(unit as u32).is_some()).collect();
-        let set = Units {
-            features: &self.db.features,
-            dims,
-            segments: self.db.segments.iter().map(|s| (s.start as usize, s.units as usize)).collect(),
-            allowed,
-        };
+        let set = Units { allowed, ..Units::from(&*self.db) };
         if let Some(mut selector) = greedy::selector(&set, look_ahead) {
             for from in (0..target.len()).step_by(dims) {
                 let to = (from + (GREEDY_LOOK + 1) * dims).min(target.len());

@@ -232,7 +232,7 @@ mod tests {
     fn runs_repeats_and_poor_stretches_are_counted() {
         let mut db = UnitDatabase::trial(&mut Rng::new(1));
         let units = db.len() as u32;
-        db.segments = vec![crate::unit::Segment { start: 0, units, source: 0, channel: 0, offset: 0 }];
+        db.segments = vec![crate::unit::Segment { units, ..Default::default() }];
         let pick = |unit, fallback| Pick { unit, fallback, asleep: false, d1: 0.5, d2: 1.0 };
         let mut picks: Vec<Pick> = [0, 1, 2, 0, 1, 5].map(|unit| pick(unit, false)).to_vec();
         picks.extend(vec![pick(3, true); 6]);
@@ -248,7 +248,7 @@ mod tests {
     fn units_that_are_slept_through_are_no_good_picks() {
         let mut db = UnitDatabase::trial(&mut Rng::new(1));
         let units = db.len() as u32;
-        db.segments = vec![crate::unit::Segment { start: 0, units, source: 0, channel: 0, offset: 0 }];
+        db.segments = vec![crate::unit::Segment { units, ..Default::default() }];
         let pick = |unit, fallback| Pick { unit, fallback, d1: 3.0, ..Pick::default() };
         let asleep = Pick { unit: 1, asleep: true, ..Pick::default() };
         let mut picks = vec![pick(0, false), pick(1, true)];

@@ -105,6 +105,21 @@ pub struct Units<'a> {
     pub segments: Vec<(usize, usize)>,
     /// True for each unit that may be chosen.
     pub allowed: Vec<bool>,
+    /// First unit with the sound of each unit at any level; empty if each is its own. Those with one sound count as one unit that recurs.
+    pub same: Vec<u32>,
+}
+
+impl Units<'_> {
+    /// Returns how many of some units may be chosen and differ in more than their level.
+    #[must_use]
+    pub fn different(&self, units: impl Iterator<Item = usize>) -> usize {
+        let mut counted = vec![false; self.allowed.len()];
+        let first = |j: &usize| {
+            let sound = self.same.get(*j).map_or(*j, |&first| first as usize);
+            !std::mem::replace(&mut counted[sound], true)
+        };
+        units.filter(|&j| self.allowed.get(j) == Some(&true)).filter(first).count()
+    }
 }
 
 /// All units of a database.
@@ -115,6 +130,7 @@ impl<'a> From<&'a UnitDatabase> for Units<'a> {
             dims: db.dims(),
             segments: db.segments.iter().map(|s| (s.start as usize, s.units as usize)).collect(),
             allowed: vec![true; db.len()],
+            same: db.same_sounds(),
         }
     }
 }

@@ -112,7 +112,7 @@ fn of_source(
             })?
         }
     };
-    let all: Vec<&Segment> = db.segments.iter().filter(|s| s.source as usize == index).collect();
+    let all: Vec<&Segment> = db.originals().filter(|s| s.source as usize == index).collect();
     if all.is_empty() {
         return Err(format!("the database has no recording {index}; it has {}", db.sources.len()));
     }
@@ -144,9 +144,9 @@ fn of_source(
 fn of_units(c: &Correspondence, db: &UnitDatabase) -> Result<Range<usize>, String> {
     let rate = db.conventions.rate.as_f64() / db.unit() as f64;
     let (start, length) = (c.database * rate, c.duration * rate);
-    let found = db.segments.iter().find_map(|s| within(s, start - f64::from(s.start), length));
+    let found = db.originals().find_map(|s| within(s, start - f64::from(s.start), length));
     found.ok_or_else(|| {
-        let end = db.len() as f64 / rate;
+        let end = db.recorded() as f64 / rate;
         let (from, to) = (c.database, c.database + c.duration);
         if to > end + SLACK / rate {
             format!("{from:.3} to {to:.3} s is outside of the database, which holds {end:.3} s")
@@ -314,7 +314,8 @@ mod tests {
     /// Two recordings of 1 s and 0.5 s at 240 units of 400 samples per second, the second in two channels.
     fn database() -> UnitDatabase {
         let conventions = FeatureConventions::cloth(Rate::hz(96_000), 400);
-        let segment = |start, units, source, channel| Segment { start, units, source, channel, offset: 0 };
+        let segment =
+            |start, units, source, channel| Segment { start, units, source, channel, ..Segment::default() };
         let units = 480;
         let features: Vec<f32> = (0..units * 3).map(|k| k as f32).collect();
         UnitDatabase {

@@ -123,11 +123,12 @@ impl TpsFit {
     fn warp(&self) -> Result<Warp, Fault> {
         let (target, d) = (&self.target, self.target.format.dims());
         let stiffness = Stiffness::of(self.params.lambda, self.params.scale_free);
+        let recorded = &target.database.features[..target.database.recorded() * d];
         let map = |(vector, pairs): (usize, Vec<_>)| {
             let pairs: Vec<Pair> = pairs.into_iter().map(|(_, pair)| pair).collect();
             let own = self.params.per_channel.then(|| target.vector(vector));
             let features = own.as_ref().unwrap_or(&target.features);
-            WarpMap::fit(&pairs, d, stiffness, features, &target.database.features)
+            WarpMap::fit(&pairs, d, stiffness, features, recorded)
                 .map_err(|e| Fault::new("F111", e.to_string()).at("pairs"))
         };
         Ok(Warp {

@@ -228,7 +228,7 @@ impl Node for CorrespondenceSuggester {
         let (target, p) = (&self.target, &self.params);
         let db = &target.database;
         let allowed = check_tags(db, &p.tags)?;
-        let open = db.segments.iter().filter(|s| allowed.get(s.range().start) == Some(&true));
+        let open = db.originals().filter(|s| allowed.get(s.range().start) == Some(&true));
         let open: Vec<&Segment> = open.collect();
         let segments: Vec<Range<usize>> = open.iter().map(|s| s.range()).collect();
         let silence = |(step, floor): (f64, f64)| Silence {

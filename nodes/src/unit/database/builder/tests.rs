@@ -100,3 +100,48 @@ fn empty_short_and_broken_recordings_are_named() {
     let found = build(&[take(vec![x])], &cloth(), None).unwrap_err();
     assert!(matches!(found, BuildError::NotFinite { sample: 321, .. }), "{found}");
 }
+
+fn loudest(x: &[f32]) -> f64 {
+    x.iter().map(|x| f64::from(x * x)).sum::<f64>() / x.len() as f64
+}
+
+#[test]
+fn copies_have_other_speeds_and_levels_and_stand_after_the_recordings() {
+    let c = FeatureConventions { floor: FloorRule::Database, ..cloth() };
+    let takes = [take(vec![noise(8, 2000)]), take(vec![noise(9, 1000)])];
+    let more = Augmentation { speeds: vec![0.8], gains: vec![-6.0] };
+    let (plain, db) = (build(&takes, &c, None).unwrap(), build_augmented(&takes, &c, None, &more).unwrap());
+    let table: Vec<_> =
+        db.segments.iter().map(|s| (s.source, s.units, s.variant.speed, s.variant.gain)).collect();
+    let copies = |speed, gain, [a, b]: [u32; 2]| [(0, a, speed, gain), (1, b, speed, gain)];
+    let expected = [
+        copies(1.0, 0.0, [20, 10]),
+        copies(1.0, -6.0, [20, 10]),
+        copies(0.8, 0.0, [25, 12]),
+        copies(0.8, -6.0, [25, 12]),
+    ];
+    assert_eq!(table, expected.concat());
+    // The recordings are as without copies, whose levels do not move the floor.
+    assert_eq!(db.floor_energy, plain.floor_energy);
+    assert_eq!((&db.features[..90], &db.audio[..3000]), (&plain.features[..], &plain.audio[..]));
+    let of = |segment: usize| &db.channel(0)[db.segments[segment].range().start * 100..][..1000];
+    assert!((10.0 * (loudest(of(2)) / loudest(of(0))).log10() + 6.0).abs() < 1e-3);
+    // Units that differ in level only are one sound.
+    let same = db.same_sounds();
+    assert_eq!((same.len(), same[30], same[59], same[60], same[97]), (134, 0, 29, 60, 60));
+    assert!(plain.same_sounds().is_empty());
+}
+
+#[test]
+fn a_copy_at_another_speed_has_its_pitch() {
+    let tone: Vec<f32> = (0..8000).map(|i| (std::f32::consts::TAU * i as f32 / 16.0).sin()).collect();
+    let spans = [1000..3000, 5000..8000];
+    let takes = [Take { spans: Some(spans.to_vec()), ..take(vec![tone]) }];
+    let more = Augmentation { speeds: vec![1.25], gains: Vec::new() };
+    let db = build_augmented(&takes, &cloth(), None, &more).unwrap();
+    let table: Vec<_> = db.segments.iter().map(|s| (s.units, s.offset)).collect();
+    assert_eq!(table, [(20, 1000), (30, 5000), (16, 1000), (24, 5000)]);
+    let crossings = |x: &[f32]| x.windows(2).filter(|w| w[0] < 0.0 && w[1] >= 0.0).count();
+    let of = |segment: usize| &db.channel(0)[db.segments[segment].range().start * 100..][..1600];
+    assert_eq!((crossings(of(0)), crossings(of(2))), (100, 125));
+}

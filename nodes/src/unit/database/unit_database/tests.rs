@@ -10,6 +10,7 @@ fn standalone(files: &[&str]) -> Standalone {
     let get = |name: &str| match name {
         "recordings" => Some(list.clone()),
         "tags" => Some(tags.clone()),
+        "augment" => Some(Datum::Bool(false)),
         _ => None,
     };
     let mut standalone = Standalone::func::<UnitDatabaseNode>(UnitDatabaseParams::read(&get).unwrap());
@@ -106,4 +107,21 @@ fn what_is_odd_about_recordings_is_told() {
     silent.files.insert("a.wav", trial_wav(&[0.0; 24_000], 48_000));
     let reported = warned(&silent);
     assert!(reported.len() == 1 && reported[0].contains("silent"), "{reported:?}");
+}
+
+#[test]
+fn short_recordings_have_copies_unless_they_are_not_wanted() {
+    let params = |augment: Option<bool>| {
+        let list = Datum::List(vec![Datum::Text("a.wav".into())]);
+        let read = UnitDatabaseParams::read(&|name| (name == "recordings").then(|| list.clone())).unwrap();
+        UnitDatabaseParams { augment, rate: Rate::hz(4000), ..read }
+    };
+    let segments = |augment, seconds: usize| {
+        let mut node = Standalone::func::<UnitDatabaseNode>(params(augment));
+        node.files.insert("a.wav", trial_wav(&vec![0.1; 4000 * seconds], 4000));
+        let value = node.run().unwrap().value(0).unwrap();
+        value.get::<UnitDatabase>().unwrap().segments.len()
+    };
+    assert_eq!([segments(None, 2), segments(Some(false), 2)], [9, 1]);
+    assert_eq!([segments(None, 31), segments(Some(true), 31)], [1, 9]);
 }

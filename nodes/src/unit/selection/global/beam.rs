@@ -259,11 +259,13 @@ impl<'a> Beam<'a> {
     /// Returns true if a column is in its cool-off on path `k` of the row before `row`, or would repeat its last columns.
     fn comes_back(&self, row: usize, k: usize, column: usize) -> bool {
         let GlobalParams { cool_off, loop_guard, .. } = self.params.path;
-        let mut earlier = self.columns(row, k);
+        // Columns that differ in level only are one.
+        let sounds = || self.columns(row, k).map(|column| self.table.sound(column));
+        let (mut earlier, column) = (sounds(), self.table.sound(column));
         for lag in 1..=cool_off.max(loop_guard) {
             let Some(chosen) = earlier.next() else { return false };
             // The three columns before it, here and now.
-            let repeats = || earlier.clone().take(3).eq(self.columns(row, k).take(3));
+            let repeats = || earlier.clone().take(3).eq(sounds().take(3));
             if chosen == column && (lag <= cool_off || repeats()) {
                 return true;
             }

@@ -2,7 +2,7 @@
 
 use super::front::{Decisions, Front, Price, Scratch};
 use super::path::GlobalParams;
-use super::repair::substitute;
+use super::repair::{new_history, substitute};
 use super::table::Table;
 use crate::impl_state;
 use crate::unit::selection::history::History;
@@ -50,7 +50,7 @@ impl FixedLag {
             capacity: lag + 1,
             rows_read: 0,
             decided: 0,
-            history: History::new(count, params.cool_off, params.loop_guard),
+            history: new_history(&table, &params),
             replaced: 0,
             price: Price::new(&params),
             table,

@@ -19,9 +19,14 @@ pub(super) struct Repair {
     pub replaced: usize,
 }
 
+/// The history before the first pick of columns.
+pub(super) fn new_history(table: &Table, params: &GlobalParams) -> History {
+    History::new(table.count(), &table.same, params.cool_off, params.loop_guard)
+}
+
 /// Rows at which a column recurs too early.
-fn repeats(path: &[usize], columns: usize, params: &GlobalParams) -> Vec<usize> {
-    let mut history = History::new(columns, params.cool_off, params.loop_guard);
+fn repeats(path: &[usize], table: &Table, params: &GlobalParams) -> Vec<usize> {
+    let mut history = new_history(table, params);
     let mut found = Vec::new();
     for (row, &column) in path.iter().enumerate() {
         if history.barred(column) {
@@ -59,7 +64,7 @@ pub(super) fn substitute(
         let jump = jump.map(|(distance, j)| (distance + params.switch_cost, j));
         run.into_iter().chain(jump).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, j)| j)
     };
-    let longest_unused = || (0..table.count()).min_by_key(|&j| history.used[j]);
+    let longest_unused = || (0..table.count()).min_by_key(|&j| history.last_used(j));
     let best = cheapest(&|j| history.barred(j)).or_else(|| cheapest(&|j| history.in_cool_off(j)));
     best.or_else(longest_unused).unwrap_or(wanted)
 }
@@ -68,7 +73,7 @@ pub(super) fn substitute(
 /// replaces those that remain. If replacing alone is cheaper, as among few units, that result is used.
 pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Repair {
     let columns = programme.table.count();
-    let mut found = repeats(&programme.path, columns, params);
+    let mut found = repeats(&programme.path, programme.table, params);
     let mut repair = Repair { repeats: found.len(), ..Repair::default() };
     if found.is_empty() {
         return repair;
@@ -87,7 +92,7 @@ pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Re
             changed[row / programme.block] = true;
         }
         programme.solve(&changed);
-        found = repeats(&programme.path, columns, params);
+        found = repeats(&programme.path, programme.table, params);
         repair.rounds += 1;
         surcharge *= 2.0;
     }
@@ -100,7 +105,7 @@ pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Re
 
 /// The path with each unit replaced that recurs too early, and the number of replaced units.
 fn enforce(programme: &Programme<'_>, params: &GlobalParams) -> (Vec<usize>, usize) {
-    let mut history = History::new(programme.table.count(), params.cool_off, params.loop_guard);
+    let mut history = new_history(programme.table, params);
     let mut path: Vec<usize> = Vec::with_capacity(programme.path.len());
     let mut replaced = 0;
     for (row, &wanted) in programme.path.iter().enumerate() {

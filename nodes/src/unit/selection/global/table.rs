@@ -4,6 +4,7 @@ use super::path::GlobalParams;
 use crate::unit::selection::kdtree::{KdTree, Search, squared};
 use crate::unit::selection::selector::{NotFinite, Units};
 use fearless_simd::Level;
+use std::collections::HashMap;
 
 /// Features of all units that may be chosen, dimension by dimension, and the columns that another follows.
 ///
@@ -21,6 +22,8 @@ pub struct Table {
     units: Vec<u32>,
     /// True for each column that the next column follows in its recording.
     continues: Vec<bool>,
+    /// First column with the sound of each at any level; empty if each has its own.
+    pub(super) same: Vec<u32>,
 }
 
 impl Table {
@@ -47,7 +50,11 @@ impl Table {
         let rows: Vec<f32> =
             chosen.iter().flat_map(|&j| &units.features[j as usize * dims..][..dims]).copied().collect();
         let labels: Vec<u32> = (0..chosen.len() as u32).collect();
-        Some(Self { dims, columns, near: KdTree::new(&labels, &rows, dims), rows, units: chosen, continues })
+        let mut firsts = HashMap::new();
+        let sounds = chosen.iter().filter_map(|&j| units.same.get(j as usize));
+        let same = (0..).zip(sounds).map(|(column, sound)| *firsts.entry(sound).or_insert(column)).collect();
+        let near = KdTree::new(&labels, &rows, dims);
+        Some(Self { dims, columns, near, rows, units: chosen, continues, same })
     }
 
     /// Returns the number of allowed units.
@@ -72,6 +79,12 @@ impl Table {
     #[must_use]
     pub fn column(&self, unit: u32) -> Option<usize> {
         self.units.binary_search(&unit).ok()
+    }
+
+    /// The first column with the sound of one at any level.
+    #[must_use]
+    pub(super) fn sound(&self, column: usize) -> usize {
+        self.same.get(column).map_or(column, |&first| first as usize)
     }
 
     /// Returns true if column `b` follows column `a` in a recording.

@@ -62,7 +62,7 @@ fn the_path_costs_as_much_as_that_of_the_full_programme() {
         let mut features = Vec::new();
         let (m, segments) = units(&mut rng, &lengths, &mut features);
         let allowed = (0..m).map(|j| case != 2 || j % 13 != 5).collect();
-        let set = Units { features: &features, dims: 3, segments, allowed };
+        let set = Units { features: &features, dims: 3, segments, allowed, same: Vec::new() };
         let table = Table::new(&set).unwrap();
         let target = walk(&mut rng, 120);
         for (p, cap) in [(0.5, f64::INFINITY), (0.0, f64::INFINITY), (2.0, 1.5), (1000.0, f64::INFINITY)] {
@@ -123,7 +123,7 @@ fn the_active_columns_are_all_that_the_best_path_needs() {
             // Many paths cost the same.
             features.iter_mut().chain(&mut target).for_each(|x| *x = x.round());
         }
-        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
         let table = Table::new(&set).unwrap();
         let p = GlobalParams {
             cap: [f64::INFINITY, 1.5, 0.2][rng.below(3)],
@@ -154,7 +154,7 @@ fn no_choice_unit_by_unit_is_cheaper() {
         let mut features = Vec::new();
         let lengths: Vec<usize> = (0..1 + rng.below(4)).map(|_| 1 + rng.below(60)).collect();
         let (m, segments) = units(&mut rng, &lengths, &mut features);
-        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
         let table = Table::new(&set).unwrap();
         let target = walk(&mut rng, 1 + case * 7);
         let p = params(rng.between(0.0, 3.0), 0);
@@ -183,7 +183,7 @@ fn a_beam_as_wide_as_the_database_finds_the_best_path() {
     let mut rng = Rng::new(3);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, &[20, 30], &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
     let table = Table::new(&set).unwrap();
     let target = walk(&mut rng, 60);
     let p = BeamParams { path: params(0.4, 0), candidates: m, feature: 0.3, level: 0.2, crossing: 0.5 };
@@ -202,7 +202,7 @@ fn free_jumps_give_the_nearest_units_and_dear_ones_an_unbroken_run() {
     let mut rng = Rng::new(4);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, &[50, 150], &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
     let table = Table::new(&set).unwrap();
     let target = walk(&mut rng, 100);
     let near = exact(&table, &target, &params(0.0, 0), None).unwrap();
@@ -250,7 +250,8 @@ fn a_planted_path_is_recovered_when_noise_is_below_half_the_gap() {
     let mut rng = Rng::new(5);
     for noise in [0.0, 0.49] {
         let (features, segments, path, target) = planted(&mut rng, noise);
-        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; 243] };
+        let set =
+            Units { features: &features, dims: 3, segments, allowed: vec![true; 243], same: Vec::new() };
         let table = Table::new(&set).unwrap();
         assert_eq!(exact(&table, &target, &params(0.02, 0), None).unwrap().units, path);
     }
@@ -261,7 +262,7 @@ fn blocks_of_any_size_give_the_same_path() {
     let mut rng = Rng::new(6);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, &[9000, 8500], &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
     let table = Table::new(&set).unwrap();
     let target = walk(&mut rng, 50);
     let p = params(0.5, 3);
@@ -284,7 +285,7 @@ fn repaired(seed: u64, lengths: &[usize], rows: usize) -> (f64, f64) {
     let mut rng = Rng::new(seed);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, lengths, &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
     let table = Table::new(&set).unwrap();
     let target = walk(&mut rng, rows);
     let free = exact(&table, &target, &params(0.2, 0), None).unwrap();
@@ -294,7 +295,7 @@ fn repaired(seed: u64, lengths: &[usize], rows: usize) -> (f64, f64) {
     assert_eq!(repeated(&rested.units, 10), 0);
     assert!(rested.rounds > 0 && rested.rounds <= 20);
     assert!((rested.free_cost - free.cost).abs() < 1e-12 && rested.cost >= free.cost);
-    let mut history = crate::unit::selection::history::History::new(m, 10, 0);
+    let mut history = crate::unit::selection::history::History::new(m, &[], 10, 0);
     let mut replaced = columns(&table, &free.units);
     for i in 0..replaced.len() {
         replaced[i] = super::repair::substitute(&history, &table, &target[3 * i..3 * i + 3], replaced[i], &p);
@@ -330,7 +331,7 @@ fn no_four_picks_are_repeated_within_the_loop_guard() {
     for lengths in [&[60, 40][..], &[400, 300]] {
         let mut features = Vec::new();
         let (m, segments) = units(&mut rng, lengths, &mut features);
-        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
         let table = Table::new(&set).unwrap();
         // A target that repeats itself.
         let target = walk(&mut rng, 60).repeat(5);
@@ -354,7 +355,13 @@ fn no_four_picks_are_repeated_within_the_loop_guard() {
 #[test]
 fn fewer_units_than_have_to_rest_are_chosen_all_the_same() {
     let features = [0.0, 1.0, 2.0];
-    let set = Units { features: &features, dims: 1, segments: vec![(0, 3)], allowed: vec![true; 3] };
+    let set = Units {
+        features: &features,
+        dims: 1,
+        segments: vec![(0, 3)],
+        allowed: vec![true; 3],
+        same: Vec::new(),
+    };
     let table = Table::new(&set).unwrap();
     let target = [0.0, 0.0, 0.0, 0.0, 2.0];
     let path = exact(&table, &target, &params(0.5, 20), None).unwrap();
@@ -371,7 +378,7 @@ fn a_lag_as_long_as_the_target_loses_nothing_and_a_short_one_little() {
     let mut rng = Rng::new(8);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, &[300, 200], &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m] };
+    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
     let table = Table::new(&set).unwrap();
     let n = 300;
     let target = walk(&mut rng, n);
@@ -393,7 +400,13 @@ fn a_lag_as_long_as_the_target_loses_nothing_and_a_short_one_little() {
 #[test]
 fn targets_that_are_not_finite_are_named_and_empty_ones_are_empty() {
     let features = [0.0, 1.0];
-    let set = Units { features: &features, dims: 1, segments: vec![(0, 2)], allowed: vec![true; 2] };
+    let set = Units {
+        features: &features,
+        dims: 1,
+        segments: vec![(0, 2)],
+        allowed: vec![true; 2],
+        same: Vec::new(),
+    };
     let table = Table::new(&set).unwrap();
     let p = params(0.5, 0);
     assert_eq!(exact(&table, &[0.0, f32::NAN], &p, None), Err(crate::unit::NotFinite(1)));

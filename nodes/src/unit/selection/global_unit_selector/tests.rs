@@ -37,7 +37,7 @@ fn walk(seed: u64, units: usize, dims: usize) -> Vec<f32> {
 fn database(joined: u32) -> UnitDatabase {
     let conventions = FeatureConventions { joined, ..FeatureConventions::trial() };
     let features = walk(9, UNITS, conventions.dims());
-    let segment = |source, start| Segment { start, units: 45, source, channel: 0, offset: 0 };
+    let segment = |source, start| Segment { start, units: 45, source, ..Segment::default() };
     let source = |tag: &str| UnitSource { tag: tag.into(), ..UnitSource::default() };
     let db = UnitDatabase {
         version: crate::unit::database::DATABASE_VERSION,

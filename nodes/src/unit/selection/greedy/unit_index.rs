@@ -1,6 +1,8 @@
 //! Search trees over the units of a database and over their windows.
 
-use std::cmp::Ordering;
+use std::ops::Range;
+
+use fearless_simd::{Level, dispatch};
 
 use crate::unit::selection::kdtree::{KdTree, LANES};
 use crate::unit::selection::selector::{SelectorParams, Units};
@@ -18,8 +20,10 @@ pub(super) struct Index {
     room: Vec<u32>,
     causal: bool,
     pub allowed: Vec<bool>,
-    /// Number of allowed units.
+    /// Number of allowed units that count as different ones.
     pub allowed_count: usize,
+    /// First unit with the sound of each; empty if each has its own.
+    pub same: Vec<u32>,
     /// The units that may be chosen, by their features; only the first of those with equal windows.
     pub by_features: KdTree,
     /// Those that have room for a whole window, by the mean of their window.
@@ -48,63 +52,86 @@ impl Index {
         }
         let mut index = Self {
             dims,
-            columns: (0..dims)
-                .flat_map(|d| features.iter().skip(d).step_by(dims).copied().chain([0.0; LANES]))
-                .collect(),
+            columns: columns(&features, dims),
             features,
             segment_end,
             room,
             causal: params.causal,
-            allowed_count: units.allowed.iter().filter(|&&a| a).count(),
+            allowed_count: units.different(0..count),
             allowed: units.allowed.clone(),
+            same: units.same.clone(),
             by_features: KdTree::new(&[], &[], dims),
             by_mean: KdTree::new(&[], &[], dims),
             next_equal: vec![LAST; count],
         };
         let firsts = index.distinct();
-        index.by_features = index.tree(&firsts, |index, j, out| out.extend_from_slice(index.rows(j, 1)));
-        let whole = |j: &u32| index.start(*j as usize, params.look).is_some();
-        let whole: Vec<u32> = firsts.into_iter().filter(whole).collect();
-        index.by_mean = index.tree(&whole, |index, j, out| {
-            let start = index.start(j, params.look).unwrap_or(j);
-            out.extend(mean(index.rows(start, params.look + 1), dims));
-        });
+        (index.by_features, index.by_mean) =
+            rayon::join(|| index.feature_tree(&firsts), || index.mean_tree(&firsts, params.look));
         index
     }
 
-    fn tree(&self, labels: &[u32], point: impl Fn(&Self, usize, &mut Vec<f32>)) -> KdTree {
-        let mut points = Vec::with_capacity(labels.len() * self.dims);
-        labels.iter().for_each(|j| point(self, *j as usize, &mut points));
-        KdTree::new(labels, &points, self.dims)
+    /// The tree of units by their features.
+    fn feature_tree(&self, units: &[u32]) -> KdTree {
+        KdTree::from_fn(units, self.dims, |j, point| point.copy_from_slice(self.rows(j as usize, 1)))
+    }
+
+    /// The tree of those units that have room for a whole window, by the mean of their window.
+    fn mean_tree(&self, units: &[u32], look: usize) -> KdTree {
+        let starts = self.allowed.len().saturating_sub(look);
+        let mut means = vec![0.0; self.dims * starts];
+        let columns = self.columns.chunks_exact(self.allowed.len() + LANES);
+        for (means, column) in means.chunks_exact_mut(starts.max(1)).zip(columns) {
+            // All instruction sets compute the same bits.
+            dispatch!(Level::new(), _simd => set_means(means, column, look + 1));
+        }
+        let whole: Vec<u32> =
+            units.iter().copied().filter(|j| self.start(*j as usize, look).is_some()).collect();
+        KdTree::from_fn(&whole, self.dims, |j, point| {
+            let start = self.start(j as usize, look).unwrap_or(0);
+            let means = means.iter().skip(start).step_by(starts.max(1));
+            point.iter_mut().zip(means).for_each(|(x, mean)| *x = *mean);
+        })
     }
 
     /// The allowed units that are the first with their windows, in order; links each to the next with an equal window.
     fn distinct(&mut self) -> Vec<u32> {
-        // Near an end of its segment a unit has a part of a window.
-        let window = |index: &Self, j: u32| {
-            let (j, room) = (j as usize, index.room[j as usize] as usize);
-            let start = if index.causal { j - room } else { j };
-            start * index.dims..(start + room + 1) * index.dims
-        };
-        let mut order: Vec<u32> =
-            (0..self.allowed.len()).filter(|&j| self.allowed[j]).map(|j| j as u32).collect();
-        order.sort_unstable_by(|&j, &k| {
-            let (a, b) = (&self.features[window(self, j)], &self.features[window(self, k)]);
-            compare(a, b).then(j.cmp(&k))
-        });
-        let mut firsts = Vec::new();
-        let mut last: Option<u32> = None;
-        for j in order {
-            match last {
-                Some(k) if self.features[window(self, k)] == self.features[window(self, j)] => {
-                    self.next_equal[k as usize] = j;
+        let longest = self.room.iter().max().map_or(0, |room| *room as usize + 1);
+        let hashes = Hashes::new(&self.features, self.dims, longest);
+        let hash = |index: &Self, j: usize| hashes.of(index.window(j));
+        // The last unit so far with each window, at the first free place from that of its hash on.
+        let bits = (2 * self.allowed.len()).next_power_of_two().ilog2().max(1);
+        let mut table = vec![LAST; 1 << bits];
+        let mut firsts = Vec::with_capacity(self.allowed.len());
+        for j in (0..self.allowed.len()).filter(|&j| self.allowed[j]) {
+            let own = hash(self, j);
+            let mut at = (own >> (64 - bits)) as usize;
+            loop {
+                let last = table[at] as usize;
+                if table[at] == LAST {
+                    firsts.push(j as u32);
+                    break;
                 }
-                _ => firsts.push(j),
+                if hash(self, last) == own && self.window_rows(last) == self.window_rows(j) {
+                    self.next_equal[last] = j as u32;
+                    break;
+                }
+                at = (at + 1) % table.len();
             }
-            last = Some(j);
+            table[at] = j as u32;
         }
-        firsts.sort_unstable();
         firsts
+    }
+
+    /// The units of the window of one; near an end of its segment that is a part of a window.
+    fn window(&self, j: usize) -> Range<usize> {
+        let room = self.room[j] as usize;
+        let start = if self.causal { j - room } else { j };
+        start..start + room + 1
+    }
+
+    fn window_rows(&self, j: usize) -> &[f32] {
+        let window = self.window(j);
+        self.rows(window.start, window.len())
     }
 
     /// Unit `j` and those with equal windows after it.
@@ -131,9 +158,68 @@ impl Index {
     }
 }
 
-fn compare(a: &[f32], b: &[f32]) -> Ordering {
-    let differs = a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
-    differs.unwrap_or(a.len().cmp(&b.len()))
+/// Dimension after dimension, with [`LANES`] zeros after each.
+fn columns(features: &[f32], dims: usize) -> Vec<f32> {
+    let stride = features.len() / dims + LANES;
+    let mut columns = vec![0.0; dims * stride];
+    // A few units at a time, so that their features stay in the cache.
+    for (from, rows) in (0..).step_by(LANES).zip(features.chunks(LANES * dims)) {
+        for (d, column) in columns.chunks_exact_mut(stride).enumerate() {
+            column[from..].iter_mut().zip(rows.chunks_exact(dims)).for_each(|(x, row)| *x = row[d]);
+        }
+    }
+    columns
+}
+
+/// Means of `units` numbers from each of a column on, in the precision of the trees.
+#[inline(always)]
+fn set_means(means: &mut [f32], column: &[f32], units: usize) {
+    for (from, means) in (0..).step_by(LANES).zip(means.chunks_mut(LANES)) {
+        let mut sums = [0.0; LANES];
+        for numbers in column[from..].array_windows::<LANES>().take(units) {
+            sums.iter_mut().zip(numbers).for_each(|(sum, x)| *sum += f64::from(*x));
+        }
+        means.iter_mut().zip(sums).for_each(|(mean, sum)| *mean = (sum / units as f64) as f32);
+    }
+}
+
+/// Hashes of windows: polynomials over the hashes of their vectors, each the difference of two from the first vector on.
+struct Hashes {
+    /// For each unit, and after the last, that of all vectors before it.
+    sums: Vec<u64>,
+    /// Powers of [`FACTOR`].
+    powers: Vec<u64>,
+}
+
+impl Hashes {
+    /// Hashes of windows of up to `longest` vectors.
+    fn new(features: &[f32], dims: usize, longest: usize) -> Self {
+        let mut sums = Vec::with_capacity(features.len() / dims + 1);
+        sums.push(0_u64);
+        let mut sum = 0_u64;
+        for row in features.chunks_exact(dims) {
+            let hash = row.iter().fold(1, |hash, x| mixed(hash ^ u64::from(x.to_bits())));
+            sum = sum.wrapping_mul(FACTOR).wrapping_add(hash);
+            sums.push(sum);
+        }
+        let next = |power: &u64| Some(power.wrapping_mul(FACTOR));
+        Self { sums, powers: std::iter::successors(Some(1), next).take(longest + 1).collect() }
+    }
+
+    /// A number that is equal for equal windows, and hardly ever for others.
+    fn of(&self, units: Range<usize>) -> u64 {
+        let before = self.sums[units.start].wrapping_mul(self.powers[units.len()]);
+        mixed(self.sums[units.end].wrapping_sub(before))
+    }
+}
+
+/// An odd number whose bits look random: the golden ratio.
+const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
+
+/// A number whose low bits depend on the high ones of the product too.
+fn mixed(x: u64) -> u64 {
+    let x = x.wrapping_mul(FACTOR);
+    x ^ x >> 32
 }
 
 /// Mean of vectors, in the precision of the trees.
@@ -148,4 +234,71 @@ fn mean_of(rows: &[f32], dims: usize, d: usize) -> f64 {
 /// Squared distance of the means of two windows.
 pub(super) fn squared_of_means(a: &[f32], b: &[f32], dims: usize) -> f64 {
     (0..dims).map(|d| (mean_of(a, dims, d) - mean_of(b, dims, d)).powi(2)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Rng;
+    use std::collections::BTreeMap;
+
+    /// The index of some units, a few of which are not allowed, with what its trees should hold: the first unit of each window with its
+    /// features, and those with a whole window with their mean.
+    fn check(features: &[f32], dims: usize, segments: Vec<(usize, usize)>, look: usize, causal: bool) {
+        let count = features.len() / dims;
+        let allowed: Vec<bool> = (0..count).map(|j| j % 11 != 3).collect();
+        let units =
+            Units { features, dims, segments: segments.clone(), allowed: allowed.clone(), same: Vec::new() };
+        let params = SelectorParams { look, causal, ..SelectorParams::default() };
+        let index = Index::new(&units, &params);
+        let mut windows: BTreeMap<Vec<u32>, Vec<usize>> = BTreeMap::new();
+        let mut means = Vec::new();
+        for (from, count) in segments {
+            for j in (from..from + count).filter(|j| allowed[*j]) {
+                let (first, last) = match causal {
+                    true => (from.max(j.saturating_sub(look)), j),
+                    false => (j, (from + count - 1).min(j.saturating_add(look))),
+                };
+                let rows = &features[first * dims..(last + 1) * dims];
+                let equal = windows.entry(rows.iter().map(|x| (x + 0.0).to_bits()).collect()).or_default();
+                equal.push(j);
+                if equal.len() == 1 && last - first == look {
+                    means.push((j as u32, mean(rows, dims).collect::<Vec<_>>()));
+                }
+            }
+        }
+        let mut firsts = Vec::new();
+        for equal in windows.values() {
+            assert!(index.equal_windows(equal[0] as u32).eq(equal.iter().copied()));
+            firsts.push((equal[0] as u32, features[equal[0] * dims..][..dims].to_vec()));
+        }
+        firsts.sort_by_key(|unit| unit.0);
+        let sorted = |tree: &KdTree| {
+            let mut items = tree.items();
+            items.sort_by_key(|unit| unit.0);
+            items
+        };
+        assert_eq!(sorted(&index.by_features), firsts);
+        assert_eq!(sorted(&index.by_mean), means);
+        for (d, j) in (0..dims).flat_map(|d| (0..count).map(move |j| (d, j))) {
+            let column = index.column(d, j);
+            assert!((0..LANES).all(|k| column[k] == features.get((j + k) * dims + d).map_or(0.0, |x| *x)));
+        }
+    }
+
+    #[test]
+    fn the_trees_hold_the_first_unit_of_each_window() {
+        let mut rng = Rng::new(5);
+        for (count, dims, grid) in
+            [(1, 1, 0.0), (40, 2, 1.0), (67, 3, 0.0), (300, 1, 1.0), (700, 6, 0.5), (2000, 2, 1.0)]
+        {
+            let mut number = || (rng.between(-2.0, 2.0) * grid) as f32;
+            let features: Vec<f32> = (0..count * dims).map(|_| number().round()).collect();
+            for look in [0, 1, 5, 17, usize::MAX] {
+                let segments = vec![(0, count / 3), (count / 3, count - count / 3)];
+                check(&features, dims, segments.clone(), look, false);
+                check(&features, dims, segments, look, true);
+            }
+        }
+    }
 }

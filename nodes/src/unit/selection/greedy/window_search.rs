@@ -153,7 +153,7 @@ impl Exact {
     fn new(units: &Units<'_>, params: SelectorParams) -> Self {
         let index = Arc::new(Index::new(units, &params));
         Self {
-            history: History::new(index.allowed.len(), params.cool_off, params.loop_guard),
+            history: History::new(index.allowed.len(), &index.same, params.cool_off, params.loop_guard),
             window: Window::default(),
             search: Search::default(),
             costs: Costs { bound: 0.0, distance: 0.0 },
@@ -348,8 +348,9 @@ impl Exact {
 
     /// Returns the least recently used unit, if all are in their cool-off.
     fn least_recent(&mut self) -> Option<usize> {
-        let free =
-            |history: &History| (0..history.used.len()).any(|j| self.index.allowed[j] && !history.barred(j));
+        let free = |history: &History| {
+            (0..self.index.allowed.len()).any(|j| self.index.allowed[j] && !history.barred(j))
+        };
         // No more units are barred than targets bar one each.
         if self.index.allowed_count > self.params.cool_off + self.history.guarded.len() || free(&self.history)
         {
@@ -359,12 +360,13 @@ impl Exact {
         if free_without_guard(&self.history, &self.index.allowed) {
             return None;
         }
-        (0..self.history.used.len()).filter(|&j| self.index.allowed[j]).min_by_key(|&j| self.history.used[j])
+        let allowed = (0..self.index.allowed.len()).filter(|&j| self.index.allowed[j]);
+        allowed.min_by_key(|&j| self.history.last_used(j))
     }
 }
 
 fn free_without_guard(history: &History, allowed: &[bool]) -> bool {
-    (0..history.used.len()).any(|j| allowed[j] && !history.in_cool_off(j))
+    (0..allowed.len()).any(|j| allowed[j] && !history.in_cool_off(j))
 }
 
 impl Selector for Exact {

@@ -32,7 +32,7 @@ fn database(channels: &[u32]) -> UnitDatabase {
         units: 60,
         source: 0,
         channel,
-        offset: 0,
+        ..Segment::default()
     };
     UnitDatabase {
         version: crate::unit::database::DATABASE_VERSION,
