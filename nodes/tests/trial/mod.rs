@@ -17,6 +17,8 @@ use std::sync::Arc;
 
 /// Largest number of attempts to find a trial that a node accepts.
 const TRIES: u64 = 2000;
+/// Trials that are drawn at most until as many are accepted as are wanted: nodes with several streams need the same rate and vertices.
+const MOST: u64 = 4 * TRIES;
 /// Largest number of items of a stream in a trial.
 const MAX_ITEMS: i64 = 6000;
 /// Time at which endless nodes are stopped.
@@ -81,7 +83,7 @@ impl fmt::Debug for Trial {
 pub fn accepted(node: usize, level: Level, wanted: usize) -> Vec<Trial> {
     let mut trials = Vec::new();
     let mut reasons = Vec::new();
-    for number in 0..TRIES {
+    for number in 0..MOST {
         if trials.len() == wanted {
             return trials;
         }
@@ -92,7 +94,7 @@ pub fn accepted(node: usize, level: Level, wanted: usize) -> Vec<Trial> {
     }
     let name = all()[node].name;
     panic!(
-        "`{name}` accepts only {} of {TRIES} trials; the last reason is: {:?}",
+        "`{name}` accepts only {} of {MOST} trials; the last reason is: {:?}",
         trials.len(),
         reasons.last()
     )

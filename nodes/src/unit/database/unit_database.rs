@@ -76,7 +76,7 @@ ports! {
     }
 }
 
-/// The node over [`build`].
+/// The node over [`build_augmented`].
 #[derive(Debug)]
 pub struct UnitDatabaseNode;
 
