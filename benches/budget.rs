@@ -4,16 +4,11 @@
 //! `cargo bench -p foley -- budget`, or `-- budget 600` for ten minutes instead of one. Budget: half a core for audio, one for the
 //! analysis of the motion, and no window late.
 
-use crate::peers::measure::processor_time;
-use foley::graph::{DirFiles, Limits, LoadOptions, Override, load};
-use foley::live::device::{self, Device};
-use foley::live::{LiveGraph, NodeMeter, Options, Player};
-use foley_nodes::core::input::NoInputs;
+use crate::common::{live_graph, play};
+use foley::graph::{LoadOptions, Override};
+use foley::live::LiveGraph;
 use std::fmt::Write as _;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
-use std::time::{Duration, Instant};
 
 /// Vertices along each side of the sheet that ships, and of the one that plays.
 const SIDE: usize = 50;
@@ -130,65 +125,29 @@ fn inputs(folder: &Path, seconds: f64) -> Vec<Override> {
 fn material(folder: &Path, seconds: f64) -> LiveGraph {
     let sets = inputs(folder, seconds);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/cloth/live.ron");
-    let loaded = load(&path, &LoadOptions::default().overrides(sets).allow_read(folder));
-    let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
-    let files = DirFiles::new(loaded.root, Limits::default());
-    LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
+    live_graph(&path, &LoadOptions::default().overrides(sets).allow_read(folder))
 }
 
 pub fn bench() {
     let seconds: f64 = std::env::args().skip(1).find_map(|arg| arg.parse().ok()).unwrap_or(60.0);
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let options = Options { quantum: QUANTUM, metered: true, ..Options::default() };
-    let (mut player, callback) =
-        Player::start(material(folder.path(), seconds), options).unwrap_or_else(|e| panic!("{e:?}"));
-    let shared = Arc::clone(player.shared());
-    let (before, start) = (processor_time(), Instant::now());
-    let running = device::start(&Device::Null, callback).map_err(|e| e.1).expect("the clock starts");
-    let meters = player.node_meters();
-    while start.elapsed().as_secs_f64() < seconds && !player.is_over() {
-        player.tick();
-        std::thread::sleep(Duration::from_millis(3));
-    }
-    let (played, used) = (start.elapsed().as_secs_f64(), processor_time() - before);
-    let late = running.status.late.load(Relaxed);
-    let _ = running.stop();
-    let share = |time: Duration| 100.0 * time.as_secs_f64() / played;
-    // Values computed before the clock began do not count.
-    let spent = |node: &NodeMeter| {
-        let before = meters.iter().find(|m| m.id == node.id).map_or(Duration::ZERO, |m| m.total);
-        node.total.saturating_sub(before)
-    };
-    let mut nodes: Vec<(String, Duration)> =
-        player.node_meters().iter().map(|node| (node.id.clone(), spent(node))).collect();
-    nodes.sort_by_key(|(_, time)| std::cmp::Reverse(*time));
+    let played = play(material(folder.path(), seconds), QUANTUM, RATE, seconds);
+    let nodes = played.node_times();
     let motion = |id: &str| MOTION.contains(&id);
     let sum = |of: bool| nodes.iter().filter(|(id, _)| motion(id) == of).map(|(_, time)| *time).sum();
-    let meter = &shared.meter;
     println!(
-        "{} vertices, {RATE} Hz in windows of {QUANTUM}, {played:.0} s on a clock without a card (the paper ran nothing live):",
-        FINE * FINE
+        "{} vertices, {RATE} Hz in windows of {QUANTUM}, {:.0} s on a clock without a card (the paper ran nothing live):",
+        FINE * FINE,
+        played.seconds
     );
     println!(
         "  audio    {:>6.1} % of a core   (at most 50), of which in the callback {:.1} %",
-        share(sum(false)),
-        share(meter.callback.total())
+        played.share(sum(false)),
+        played.callback_share()
     );
-    println!("  analysis {:>6.1} % of a core   (at most 100)", share(sum(true)));
-    println!("  process  {:>6.1} % of a core, by the system", 100.0 * used / played);
-    println!(
-        "  missed {}, overruns {}, late windows of the clock {late}   (at most 0)",
-        meter.missed.load(Relaxed),
-        meter.overruns.load(Relaxed)
-    );
-    println!(
-        "  callback: median {:.1} us, p99 {:.1} us, worst {:.1} us of {:.0} us",
-        meter.callback.quantile(0.5).as_secs_f64() * 1e6,
-        meter.callback.quantile(0.99).as_secs_f64() * 1e6,
-        meter.callback.worst().as_secs_f64() * 1e6,
-        QUANTUM as f64 / f64::from(RATE) * 1e6
-    );
+    println!("  analysis {:>6.1} % of a core   (at most 100)", played.share(sum(true)));
+    played.print();
     for (id, time) in nodes.iter().take(12) {
-        println!("  {id:<24} {:>6.2} % of a core", share(*time));
+        println!("  {id:<24} {:>6.2} % of a core", played.share(*time));
     }
 }

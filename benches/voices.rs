@@ -3,16 +3,11 @@
 //!
 //! `cargo bench -p foley -- voices`, or `-- voices 600` for ten minutes instead of one. Budget: one core for everything, and no window late.
 
-use crate::peers::measure::processor_time;
-use foley::graph::{DirFiles, Limits, LoadOptions, load};
-use foley::live::device::{self, Device};
-use foley::live::{LiveGraph, Options, Player};
-use foley_nodes::core::input::NoInputs;
+use crate::common::{live_graph, play};
+use foley::graph::LoadOptions;
+use foley::live::LiveGraph;
 use std::fmt::Write as _;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
-use std::time::{Duration, Instant};
 
 /// Voices of each of the four kinds.
 const EACH: usize = 32;
@@ -87,45 +82,15 @@ fn loaded(folder: &Path, seconds: f64) -> LiveGraph {
     std::fs::write(&path, text).expect("the folder can be written");
     std::fs::write(folder.join("impacts.csv"), impacts).expect("the folder can be written");
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/assets");
-    let loaded = load(&path, &LoadOptions::default().allow_read(assets));
-    let graph = loaded.graph.unwrap_or_else(|| panic!("{:?}", loaded.diagnostics));
-    let files = DirFiles::new(loaded.root, Limits::default());
-    LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
+    live_graph(&path, &LoadOptions::default().allow_read(assets))
 }
 
 pub fn bench() {
     let seconds: f64 = std::env::args().skip(1).find_map(|arg| arg.parse().ok()).unwrap_or(60.0);
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let options = Options { quantum: QUANTUM, metered: true, ..Options::default() };
-    let (mut player, callback) =
-        Player::start(loaded(folder.path(), seconds), options).unwrap_or_else(|e| panic!("{e:?}"));
-    let shared = Arc::clone(player.shared());
-    let (before, start) = (processor_time(), Instant::now());
-    let running = device::start(&Device::Null, callback).map_err(|e| e.1).expect("the clock starts");
-    while start.elapsed().as_secs_f64() < seconds && !player.is_over() {
-        player.tick();
-        std::thread::sleep(Duration::from_millis(3));
-    }
-    let (played, used) = (start.elapsed().as_secs_f64(), processor_time() - before);
-    let late = running.status.late.load(Relaxed);
-    let _ = running.stop();
-    let meter = &shared.meter;
-    println!(
-        "{} voices, {RATE} Hz in windows of {QUANTUM}, {played:.0} s on a clock without a card:",
-        4 * EACH
-    );
-    println!("  process  {:>6.1} % of a core, by the system   (at most 100)", 100.0 * used / played);
-    println!("  callback {:>6.1} % of a core", 100.0 * meter.callback.total().as_secs_f64() / played);
-    println!(
-        "  missed {}, overruns {}, late windows of the clock {late}   (at most 0)",
-        meter.missed.load(Relaxed),
-        meter.overruns.load(Relaxed)
-    );
-    println!(
-        "  callback: median {:.1} us, p99 {:.1} us, worst {:.1} us of {:.0} us",
-        meter.callback.quantile(0.5).as_secs_f64() * 1e6,
-        meter.callback.quantile(0.99).as_secs_f64() * 1e6,
-        meter.callback.worst().as_secs_f64() * 1e6,
-        QUANTUM as f64 / f64::from(RATE) * 1e6
-    );
+    let played = play(loaded(folder.path(), seconds), QUANTUM, RATE, seconds);
+    let (voices, length) = (4 * EACH, played.seconds);
+    println!("{voices} voices, {RATE} Hz in windows of {QUANTUM}, {length:.0} s on a clock without a card:");
+    println!("  callback {:>6.1} % of a core", played.callback_share());
+    played.print();
 }

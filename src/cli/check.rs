@@ -27,10 +27,10 @@ fn check_tests(path: &Path) -> Errors {
 pub fn check(args: &CheckArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let mut wrong = false;
     let mut all = Vec::new();
-    for path in &args.graphs {
+    for path in &args.graphs.graphs {
         let found = match test_file_of(path) == *path {
             true => check_tests(path),
-            false => args.session(path, registry).check(),
+            false => args.graphs.session(path, registry).check(),
         };
         wrong |= found.any_error();
         if args.json {

@@ -3,17 +3,15 @@
 use super::Exit;
 use super::args::ProbeArgs;
 use super::console::{stdout, tell};
-use super::progress::Watch;
-use super::run::{note_lines, prepare, show, stop_on_signals, write_whole};
+use super::run::{note_lines, prepare, run_in_memory, show, write_whole};
 use crate::probe::{Probe, ProbeOptions};
-use crate::run::{DirOutputs, ObserverTap, check_given, find_output};
+use crate::run::{ObserverTap, check_given, find_output};
 use crate::session::Session;
 use foley_nodes::core::time::{Tick, ticks};
 use foley_nodes::registry::Registry;
 use serde_json::json;
 use std::io::Write as _;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 /// The full name of an output, `NODE.PORT`, if the graph can be loaded and has it; otherwise [`Session::prepare`] has the error.
 fn full_name(session: &Session, output: &str) -> Option<String> {
@@ -45,21 +43,9 @@ pub fn probe(args: &ProbeArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
         show(&errors, &ready.graph.sources);
         return Ok(Exit::Wrong);
     }
-    stop_on_signals(session.progress());
-    let watch = Watch::start(&ready.graph.title, Arc::clone(&ready.progress), args.quiet || args.json);
-    let (outputs, _) = DirOutputs::in_memory();
-    let result = ready.run(&outputs);
-    watch.end();
-    let report = match result {
+    let report = match run_in_memory(&ready, args.quiet || args.json) {
         Ok(report) => report,
-        Err(errors) => {
-            show(&errors, &ready.graph.sources);
-            return Ok(if session.progress().stop.load(Ordering::SeqCst) {
-                Exit::Again
-            } else {
-                Exit::of(&errors)
-            });
-        }
+        Err(exit) => return Ok(exit),
     };
     let figures = tap.read(Probe::figures);
     let node = &ready.graph.nodes[ready.taps[0].node];

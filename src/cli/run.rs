@@ -10,8 +10,8 @@ use crate::run::{DirOutputs, Progress, Report, Tap};
 use crate::session::{Prepared, Session};
 use foley_nodes::registry::Registry;
 use std::io::Write;
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Prints diagnostics on standard error.
@@ -26,13 +26,18 @@ pub fn prepare(session: &Session) -> Option<Prepared> {
     preparation.prepared
 }
 
+/// The run that the handler of signals stops: a process has one handler, and runs one graph after the other.
+static CURRENT: Mutex<Option<Arc<Progress>>> = Mutex::new(None);
+
 /// Stops a run at the first Ctrl-C, and ends the process at the second.
 pub(super) fn stop_on_signals(progress: &Arc<Progress>) {
-    let stop = Arc::clone(progress);
-    // Only the first handler of a process can be set; a second run in the same process uses the first one.
+    let current = || CURRENT.lock().unwrap_or_else(PoisonError::into_inner);
+    *current() = Some(Arc::clone(progress));
+    // It fails where the handler is set already.
     let _ = ctrlc::set_handler(move || {
+        let Some(run) = current().clone() else { return };
         // The first signal waits for the current computation, so that no partial file remains; the second one does not.
-        if stop.stop.swap(true, Ordering::SeqCst) {
+        if run.stop.swap(true, Ordering::SeqCst) {
             console::tell("stopped at once: what was begun may lie in the output folder as `.part`");
             std::process::exit(Exit::Again.code().into());
         }
@@ -57,11 +62,24 @@ pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
             print_results(&report, &ready, args)?;
             Ok(Exit::Done)
         }
-        Err(errors) => {
-            show(&errors, &ready.graph.sources);
-            Ok(if session.progress().stop.load(Ordering::SeqCst) { Exit::Again } else { Exit::of(&errors) })
-        }
+        Err(errors) => Ok(failed(&ready, &errors)),
     }
+}
+
+/// Prints the errors of a run, and tells a stopped one from a wrong one.
+fn failed(ready: &Prepared, errors: &[Diagnostic]) -> Exit {
+    show(errors, &ready.graph.sources);
+    if ready.progress.stop.load(Ordering::SeqCst) { Exit::Again } else { Exit::of(errors) }
+}
+
+/// Runs a graph to its end without writing its files; errors are printed.
+pub(super) fn run_in_memory(ready: &Prepared, quiet: bool) -> Result<Report, Exit> {
+    stop_on_signals(&ready.progress);
+    let watch = Watch::start(&ready.graph.title, Arc::clone(&ready.progress), quiet);
+    let (outputs, _) = DirOutputs::in_memory();
+    let result = ready.run(&outputs);
+    watch.end();
+    result.map_err(|errors| failed(ready, &errors))
 }
 
 /// Runs a graph and leaves its files in their places.

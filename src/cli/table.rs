@@ -3,17 +3,15 @@
 use super::Exit;
 use super::args::{Column, TableArgs};
 use super::console::{stdout, tell};
-use super::progress::Watch;
-use super::run::{prepare, show, stop_on_signals};
+use super::run::{prepare, run_in_memory, show};
 use crate::graph::Graph;
-use crate::run::{DirOutputs, Report};
+use crate::run::Report;
 use foley_nodes::registry::Registry;
 use foley_nodes::table::{Cell, ResultTable};
 use serde_json::{Map, Value};
 use std::io::Write as _;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 /// The part of the id of a node before what a column names: nothing for a node of the graph itself, `a.b` for one of its sub-graphs.
 fn part<'a>(id: &'a str, node: &str) -> Option<&'a str> {
@@ -22,20 +20,23 @@ fn part<'a>(id: &'a str, node: &str) -> Option<&'a str> {
 }
 
 /// The entry of a column for a node: a parameter, or what a run reports of it.
-fn entry(graph: &Graph, report: Option<&Report>, n: usize, field: &str) -> Option<Value> {
+fn entry(graph: &Graph, report: Option<&Report>, n: usize, field: &str) -> Option<Cell> {
     let written = graph.nodes[n].params.write().into_iter().find(|(name, _)| *name == field);
     if let Some((_, datum)) = written {
         let text = datum.to_string();
         // Numbers stay numbers in JSON and CSV.
-        return Some(
-            serde_json::from_str(&text).ok().filter(Value::is_number).unwrap_or(Value::String(text)),
-        );
+        return Some(text.parse::<f64>().map_or(Cell::Text(text), Cell::from));
     }
     let node = report?.nodes.get(n)?;
-    match field {
-        "time" => Some(node.time.as_secs_f64().into()),
-        _ => node.summary.get(field).cloned(),
+    if field == "time" {
+        return Some(node.time.as_secs_f64().into());
     }
+    Some(match node.summary.get(field)? {
+        Value::Null => Cell::Empty,
+        Value::Number(x) => x.as_f64().into(),
+        Value::String(text) => text.as_str().into(),
+        other => other.to_string().into(),
+    })
 }
 
 /// What a node has, for a column that names something else.
@@ -49,7 +50,7 @@ fn known(graph: &Graph, report: Option<&Report>, n: usize) -> String {
 }
 
 /// Parts of a graph, each with an entry for each column.
-type Rows = Vec<(String, Vec<Option<Value>>)>;
+type Rows = Vec<(String, Vec<Cell>)>;
 
 /// Rows of a graph: one for each of its parts that has a node of a column.
 fn rows(graph: &Graph, report: Option<&Report>, columns: &[Column]) -> Result<Rows, String> {
@@ -68,10 +69,10 @@ fn rows(graph: &Graph, report: Option<&Report>, columns: &[Column]) -> Result<Ro
                 ));
             };
             let at = rows.iter().position(|(name, _)| name == part).unwrap_or_else(|| {
-                rows.push((part.to_owned(), vec![None; columns.len()]));
+                rows.push((part.to_owned(), vec![Cell::Empty; columns.len()]));
                 rows.len() - 1
             });
-            rows[at].1[k] = Some(found);
+            rows[at].1[k] = found;
         }
     }
     Ok(rows)
@@ -82,16 +83,7 @@ fn of_file(args: &TableArgs, path: &Path, registry: &Arc<Registry>) -> Result<Ro
     let session = args.session(path, registry);
     let found = if args.run {
         let ready = prepare(&session).ok_or(Exit::Wrong)?;
-        stop_on_signals(session.progress());
-        let watch = Watch::start(&ready.graph.title, Arc::clone(&ready.progress), args.json || args.csv);
-        let (outputs, _) = DirOutputs::in_memory();
-        let result = ready.run(&outputs);
-        watch.end();
-        let report = result.map_err(|errors| {
-            show(&errors, &ready.graph.sources);
-            let stopped = session.progress().stop.load(Ordering::SeqCst);
-            if stopped { Exit::Again } else { Exit::of(&errors) }
-        })?;
+        let report = run_in_memory(&ready, args.json || args.csv)?;
         rows(&ready.graph, Some(&report), &args.columns)
     } else {
         let (loaded, _) = session.load();
@@ -104,15 +96,6 @@ fn of_file(args: &TableArgs, path: &Path, registry: &Arc<Registry>) -> Result<Ro
     })
 }
 
-fn cell(value: Option<&Value>) -> Cell {
-    match value {
-        None | Some(Value::Null) => Cell::Empty,
-        Some(Value::Number(x)) => x.as_f64().map_or(Cell::Empty, Cell::Number),
-        Some(Value::String(text)) => text.as_str().into(),
-        Some(other) => other.to_string().into(),
-    }
-}
-
 /// Tabulates parameters of nodes, and with `--run` what runs report of them, over graphs.
 ///
 /// # Errors
@@ -121,20 +104,18 @@ pub fn table(args: &TableArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
     let names: Vec<String> = args.columns.iter().map(Column::to_string).collect();
     let mut table = ResultTable::new(&["graph", "part"]);
     table.columns.extend(names.iter().cloned());
-    let mut found = vec![false; names.len()];
-    for path in &args.graphs {
+    for path in &args.graphs.graphs {
         let rows = match of_file(args, path, registry) {
             Ok(rows) => rows,
             Err(exit) => return Ok(exit),
         };
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         for (part, values) in rows {
-            found.iter_mut().zip(&values).for_each(|(found, value)| *found |= value.is_some());
-            let cells = values.iter().map(|value| cell(value.as_ref()));
-            table.push([Cell::from(&*name), part.as_str().into()].into_iter().chain(cells));
+            table.push([Cell::from(&*name), part.into()].into_iter().chain(values));
         }
     }
-    if let Some(k) = found.iter().position(|found| !found) {
+    let is_missing = |k: &usize| table.rows.iter().all(|row| row.get(k + 2) == Some(&Cell::Empty));
+    if let Some(k) = (0..names.len()).find(is_missing) {
         let node = &args.columns[k].node;
         tell(format_args!(
             "--column {}: no graph has a node `{node}`; `foley graph` lists the nodes",

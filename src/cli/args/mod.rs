@@ -427,6 +427,17 @@ pub struct LiveArgs {
 /// Arguments of `foley check`.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct CheckArgs {
+    /// The graphs.
+    #[command(flatten)]
+    pub graphs: GraphsArgs,
+    /// Print an array of findings as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Several graphs with the same settings.
+#[derive(Clone, Debug, ClapArgs)]
+pub struct GraphsArgs {
     /// The graph files
     #[arg(required = true)]
     pub graphs: Vec<PathBuf>,
@@ -438,12 +449,9 @@ pub struct CheckArgs {
     pub allow_read: Vec<PathBuf>,
     #[command(flatten)]
     pub limits: LimitArgs,
-    /// Print an array of findings as JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
-impl CheckArgs {
+impl GraphsArgs {
     /// A session over one of the graphs.
     #[must_use]
     pub fn session(&self, graph: &Path, registry: &Arc<Registry>) -> Session {

@@ -1,13 +1,12 @@
 //! Arguments of `foley table`.
 
-use super::parse::{parse_seconds, parse_set, parse_threads};
-use super::{LimitArgs, load_options};
-use crate::graph::Override;
+use super::GraphsArgs;
+use super::parse::{parse_seconds, parse_threads};
 use crate::session::Session;
 use clap::Args as ClapArgs;
 use foley_nodes::registry::Registry;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// A column: the end of the ids of nodes, and a field of these nodes.
@@ -34,21 +33,15 @@ fn parse_column(text: &str) -> Result<Column, String> {
 /// Arguments of `foley table`.
 #[derive(Clone, Debug, ClapArgs)]
 pub struct TableArgs {
-    /// The graph files
-    #[arg(required = true)]
-    pub graphs: Vec<PathBuf>,
+    /// The graphs.
+    #[command(flatten)]
+    pub graphs: GraphsArgs,
     /// A column: a parameter of the nodes whose ids end in NODE, or with --run `time` or a field of their summaries
     #[arg(long = "column", short, value_name = "NODE.FIELD", required = true, value_parser = parse_column)]
     pub columns: Vec<Column>,
     /// Run each graph, without the cache and without writing its files
     #[arg(long)]
     pub run: bool,
-    /// Set a parameter of the graphs (NAME=VALUE) or of a node (NODE.PARAM=VALUE)
-    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = parse_set)]
-    pub sets: Vec<Override>,
-    /// Let the graphs read below this folder too
-    #[arg(long, value_name = "DIR")]
-    pub allow_read: Vec<PathBuf>,
     /// Threads that compute [default: all cores]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_threads)]
     pub threads: Option<usize>,
@@ -61,17 +54,13 @@ pub struct TableArgs {
     /// Print CSV
     #[arg(long)]
     pub csv: bool,
-    /// Limits.
-    #[command(flatten)]
-    pub limits: LimitArgs,
 }
 
 impl TableArgs {
     /// A session over one of the graphs.
     #[must_use]
     pub fn session(&self, graph: &Path, registry: &Arc<Registry>) -> Session {
-        let options = load_options(registry, &self.sets, &self.allow_read, &self.limits);
-        let session = Session::from_file(graph).with_load_options(options).with_quiet(true);
+        let session = self.graphs.session(graph, registry).with_quiet(true);
         session.with_threads(self.threads).with_until(self.until)
     }
 }
