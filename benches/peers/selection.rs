@@ -39,13 +39,7 @@ fn bench_of(item: Item, dims: usize, radius: f64) {
     let t = threads();
     let (database, target) = (autoregressive(11, dims, UNITS), autoregressive(22, dims, TARGETS));
     item.print(&format!("mean-candidates.d{dims}"), candidates(&database, &target, dims, radius), "units");
-    let units = Units {
-        features: &database,
-        dims,
-        segments: vec![(0, UNITS)],
-        allowed: vec![true; UNITS],
-        same: Vec::new(),
-    };
+    let units = Units::new(&database, dims, vec![(0, UNITS)]);
     // The units before the current one that are compared as well.
     for (look, name) in [(9, ""), (5, ".L5")] {
         let params = SelectorParams {

@@ -134,13 +134,7 @@ fn of_selection() -> Result<(), Box<dyn Error>> {
     for (look, d_max) in [(10, 2.0), (5, 2.0), (10, 8.0)] {
         let before = new_peak();
         let start = Instant::now();
-        let set = Units {
-            features: &database,
-            dims: 3,
-            segments: vec![(0, units)],
-            allowed: vec![true; units],
-            same: Vec::new(),
-        };
+        let set = Units::new(&database, 3, vec![(0, units)]);
         let params = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: false, effort: None };
         let mut selector = selector(&set, params).ok_or("no unit")?;
         let (mut fallbacks, mut runs, mut last) = (0, 0, u32::MAX);
@@ -183,13 +177,7 @@ fn of_noisy_selection() -> Result<(), Box<dyn Error>> {
     for (dims, d_max, look) in [(3, 0.14, 10), (3, 0.14, 5), (6, 0.575, 10)] {
         let (database, target) = (noisy_features(dims, 11, units), noisy_features(dims, 22, targets));
         let start = Instant::now();
-        let set = Units {
-            features: &database,
-            dims,
-            segments: vec![(0, units)],
-            allowed: vec![true; units],
-            same: Vec::new(),
-        };
+        let set = Units::new(&database, dims, vec![(0, units)]);
         let params = SelectorParams { look, d_max, cool_off: 20, loop_guard: 0, causal: true, effort: None };
         let mut selector = selector(&set, params).ok_or("no unit")?;
         let index = start.elapsed().as_secs_f64();
@@ -212,13 +200,7 @@ fn of_noisy_selection() -> Result<(), Box<dyn Error>> {
 fn of_global_selection() -> Result<(), Box<dyn Error>> {
     let (targets, units) = (144_000, 57_600);
     let (target, database) = (features(5, targets), features(6, units));
-    let set = Units {
-        features: &database,
-        dims: 3,
-        segments: vec![(0, units)],
-        allowed: vec![true; units],
-        same: Vec::new(),
-    };
+    let set = Units::new(&database, 3, vec![(0, units)]);
     let finite = |e| format!("{e:?}");
     let table = Table::new(&set).ok_or("no unit")?;
     let free = GlobalParams { switch_cost: 0.5, cap: f64::INFINITY, cool_off: 0, loop_guard: 0 };

@@ -73,13 +73,7 @@ fn diagnosis() -> Result<(), FitError> {
         let rest: Vec<Tps> = (0..15).map(|k| out.without(k)).collect::<Result<_, _>>()?;
         let dropped = start.elapsed().as_secs_f64();
         let n = database.len() / DIMS;
-        let units = Units {
-            features: &database,
-            dims: DIMS,
-            segments: vec![(0, n)],
-            allowed: vec![true; n],
-            same: Vec::new(),
-        };
+        let units = Units::new(&database, DIMS, vec![(0, n)]);
         let params =
             SelectorParams { look: 5, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false, effort: None };
         let Ok(Some(baseline)) = Baseline::new(target.clone(), &all, &units, params) else { return Ok(()) };

@@ -85,13 +85,7 @@ fn units_are_chosen_without_a_table_of_all_distances() {
         (0..n).flat_map(|_| step()).collect::<Vec<f32>>()
     };
     let (features, target) = (walk(units), walk(targets));
-    let all = Units {
-        features: &features,
-        dims,
-        segments: vec![(0, units)],
-        allowed: vec![true; units],
-        same: Vec::new(),
-    };
+    let all = Units::new(&features, dims, vec![(0, units)]);
     let p = SelectorParams { look, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false, effort: None };
     let (built, mut selector) = peak(|| selector(&all, p).unwrap());
     let windows = (0..targets - look).map(|i| &target[dims * i..][..dims * (look + 1)]);

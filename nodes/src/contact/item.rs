@@ -130,84 +130,58 @@ impl Item for Contacts {
     }
 }
 
-/// The speed at which each vertex of a cloth slides, m/s.
-///
-/// Its format is the area of cloth that each vertex stands for at rest, m^2.
-#[derive(Debug)]
-pub struct Speeds;
+/// Defines an item of one number for each vertex, of which a trial has one from 0 to 3, often 0.
+macro_rules! per_vertex {
+    ($(#[$doc:meta])* $item:ident, $name:literal) => {
+        $(#[$doc])*
+        ///
+        /// Its format is the area of cloth that each vertex stands for at rest, m^2.
+        #[derive(Debug)]
+        pub struct $item;
 
-impl Item for Speeds {
-    type Elem = f32;
-    type Format = Arc<[f32]>;
-    const NAME: &'static str = "speeds";
-    const COLUMNS: &'static [&'static str] = &[""];
+        impl Item for $item {
+            type Elem = f32;
+            type Format = Arc<[f32]>;
+            const NAME: &'static str = $name;
+            const COLUMNS: &'static [&'static str] = &[""];
 
-    fn width(format: &Arc<[f32]>) -> usize {
-        format.len()
-    }
+            fn width(format: &Arc<[f32]>) -> usize {
+                format.len()
+            }
 
-    fn describe(format: &Arc<[f32]>) -> String {
-        format!("{} vertices", format.len())
-    }
+            fn describe(format: &Arc<[f32]>) -> String {
+                format!("{} vertices", format.len())
+            }
 
-    fn trial_format(rng: &mut Rng) -> Arc<[f32]> {
-        (0..1 + rng.below(6)).map(|_| rng.between(1e-5, 1e-3) as f32).collect()
-    }
+            fn trial_format(rng: &mut Rng) -> Arc<[f32]> {
+                (0..1 + rng.below(6)).map(|_| rng.between(1e-5, 1e-3) as f32).collect()
+            }
 
-    fn trial(_: &Arc<[f32]>, _: usize, rng: &mut Rng) -> f32 {
-        if rng.below(3) == 0 { 0.0 } else { rng.between(0.0, 3.0) as f32 }
-    }
+            fn trial(_: &Arc<[f32]>, _: usize, rng: &mut Rng) -> f32 {
+                if rng.below(3) == 0 { 0.0 } else { rng.between(0.0, 3.0) as f32 }
+            }
 
-    fn finite(elem: &f32) -> bool {
-        elem.is_finite()
-    }
+            fn finite(elem: &f32) -> bool {
+                elem.is_finite()
+            }
 
-    fn poison() -> f32 {
-        f32::NAN
-    }
+            fn poison() -> f32 {
+                f32::NAN
+            }
 
-    fn numbers(elem: &f32, out: &mut Vec<f32>) {
-        out.push(*elem);
-    }
+            fn numbers(elem: &f32, out: &mut Vec<f32>) {
+                out.push(*elem);
+            }
+        }
+    };
 }
 
-/// How firmly each vertex of a cloth presses on what it touches, relative to a light contact; 0 without contact.
-///
-/// Its format is the area of cloth that each vertex stands for at rest, m^2.
-#[derive(Debug)]
-pub struct Pressures;
+per_vertex! {
+    /// The speed at which each vertex of a cloth slides, m/s.
+    Speeds, "speeds"
+}
 
-impl Item for Pressures {
-    type Elem = f32;
-    type Format = Arc<[f32]>;
-    const NAME: &'static str = "pressures";
-    const COLUMNS: &'static [&'static str] = Speeds::COLUMNS;
-
-    fn width(format: &Arc<[f32]>) -> usize {
-        Speeds::width(format)
-    }
-
-    fn describe(format: &Arc<[f32]>) -> String {
-        Speeds::describe(format)
-    }
-
-    fn trial_format(rng: &mut Rng) -> Arc<[f32]> {
-        Speeds::trial_format(rng)
-    }
-
-    fn trial(format: &Arc<[f32]>, item: usize, rng: &mut Rng) -> f32 {
-        Speeds::trial(format, item, rng)
-    }
-
-    fn finite(elem: &f32) -> bool {
-        Speeds::finite(elem)
-    }
-
-    fn poison() -> f32 {
-        Speeds::poison()
-    }
-
-    fn numbers(elem: &f32, out: &mut Vec<f32>) {
-        Speeds::numbers(elem, out);
-    }
+per_vertex! {
+    /// How firmly each vertex of a cloth presses on what it touches, relative to a light contact; 0 without contact.
+    Pressures, "pressures"
 }

@@ -214,24 +214,16 @@ impl Bvh {
         // Boxes without a triangle are infinitely far.
         let mut reach = search_limit(limit, extent).min(f32::MAX);
         // Squared distance, level and index of each node; the nearest is last, so that most others are out of reach when their turn comes.
-        let mut pending = [(0.0_f32, 0_u32, 0_u32); STACK];
-        let mut len = 0;
-        if self.levels.len() > 1 {
-            pending[0] = (0.0, self.levels.len() as u32 - 2, 0);
-            len = 1;
-        }
-        while len > 0 {
-            len -= 1;
-            let (nearest, level, node) = pending[len];
+        let root = self.root_level().map(|level| (0.0, level, 0));
+        let mut stack = Stack::of(root);
+        while let Some((nearest, level, node)) = stack.pop() {
             if nearest > reach {
                 continue;
             }
-            let (level, node) = (level as usize, node as usize);
             let lanes = sorted_lanes(self.nodes[self.levels[level] + node].squared_distances(&p, &p));
             if level > 0 {
                 for (distance, lane) in lanes.into_iter().rev().filter(|(distance, _)| *distance <= reach) {
-                    pending[len] = (distance, level as u32 - 1, (node * LANES + lane) as u32);
-                    len += 1;
+                    stack.push((distance, level - 1, node * LANES + lane));
                 }
                 continue;
             }
@@ -254,6 +246,12 @@ impl Bvh {
             }
         }
         best
+    }
+
+    /// Level of the root; none without triangles.
+    #[inline]
+    fn root_level(&self) -> Option<usize> {
+        self.levels.len().checked_sub(2)
     }
 
     /// Appends the leaves with a triangle box in the region around a cluster of vertices.
@@ -281,7 +279,7 @@ impl Bvh {
         if root == 0 {
             return visit(root, found);
         }
-        let mut stack = Stack::at_root(self);
+        let mut stack = Stack::of(self.root_level().map(|level| (level, 0)));
         while let Some((level, node)) = stack.pop() {
             let mut lanes = region.lanes(&self.nodes[self.levels[level] + node]);
             while lanes != 0 {
@@ -293,7 +291,7 @@ impl Bvh {
                 if level == 1 {
                     visit(child, found);
                 } else {
-                    stack.push(level - 1, child);
+                    stack.push((level - 1, child));
                 }
             }
         }
@@ -454,31 +452,29 @@ fn sorted_lanes(distances: [f32; LANES]) -> [(f32, usize); LANES] {
 }
 
 /// Nodes still to visit.
-struct Stack {
-    pending: [(u32, u32); STACK],
+struct Stack<T> {
+    pending: [T; STACK],
     len: usize,
 }
 
-impl Stack {
+impl<T: Copy + Default> Stack<T> {
+    /// A stack with the root, if there is one.
     #[inline]
-    fn at_root(bvh: &Bvh) -> Self {
-        let mut stack = Self { pending: [(0, 0); STACK], len: 0 };
-        if bvh.levels.len() > 1 {
-            stack.push(bvh.levels.len() - 2, 0);
-        }
+    fn of(root: Option<T>) -> Self {
+        let mut stack = Self { pending: [T::default(); STACK], len: 0 };
+        root.into_iter().for_each(|root| stack.push(root));
         stack
     }
 
     #[inline]
-    fn push(&mut self, level: usize, node: usize) {
-        self.pending[self.len] = (level as u32, node as u32);
+    fn push(&mut self, node: T) {
+        self.pending[self.len] = node;
         self.len += 1;
     }
 
     #[inline]
-    fn pop(&mut self) -> Option<(usize, usize)> {
+    fn pop(&mut self) -> Option<T> {
         self.len = self.len.checked_sub(1)?;
-        let (level, node) = self.pending[self.len];
-        Some((level as usize, node as usize))
+        Some(self.pending[self.len])
     }
 }

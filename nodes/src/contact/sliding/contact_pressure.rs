@@ -121,8 +121,7 @@ impl Node for ContactPressure {
         let (first, vertices) = (io.pressures.first(), io.pressures.width().max(1));
         for (item, out) in (first..).zip(io.pressures.items().chunks_exact_mut(vertices)) {
             let tick = rate.tick(item);
-            let before = frames.first_at(tick + 1) - 1;
-            let (from, to) = (frames.tick(before), frames.tick(before + 1));
+            let (before, [from, to]) = frames.around(tick);
             let t = (tick - from) as f32 / (to - from).max(1) as f32;
             let frame = |k: i64| {
                 let k = k.min(last);

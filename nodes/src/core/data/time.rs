@@ -108,6 +108,13 @@ impl Rate {
         clamp(-(-i128::from(tick) * i128::from(self.num)).div_euclid(period))
     }
 
+    /// The last item at `tick` or earlier, with its tick and that of the next item.
+    #[must_use]
+    pub fn around(self, tick: Tick) -> (i64, [Tick; 2]) {
+        let before = self.first_at(tick + 1) - 1;
+        (before, [before, before + 1].map(|index| self.tick(index)))
+    }
+
     /// The shortest span that surely covers `items` steps from one item to a later one.
     #[must_use]
     pub fn span(self, items: usize) -> Tick {

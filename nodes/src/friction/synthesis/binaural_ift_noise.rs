@@ -102,8 +102,7 @@ pub struct BinauralIftNoise {
 /// Writes the positions at a time of the window, linear between frames.
 fn positions_at(mesh: &In<'_, Mesh>, tick: Tick, out: &mut [[f32; 3]]) {
     let rate = mesh.rate();
-    let before = rate.first_at(tick + 1) - 1;
-    let (from, to) = (rate.tick(before), rate.tick(before + 1));
+    let (before, [from, to]) = rate.around(tick);
     let t = (tick - from) as f32 / (to - from).max(1) as f32;
     let last = (mesh.around().len() / mesh.width().max(1)) as i64 - mesh.behind() as i64 - 1;
     let frame = |k: i64| mesh.item((k - mesh.first()).clamp(-(mesh.behind() as i64), last) as isize);

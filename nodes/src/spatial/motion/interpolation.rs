@@ -25,8 +25,7 @@ pub(crate) fn items_on_frames(stream: Rate, other: Rate) -> bool {
 /// Returns the pose at a time of the window, interpolated smoothly between frames.
 pub(crate) fn pose_at(poses: &In<'_, Poses>, tick: Tick) -> Pose {
     let rate = poses.rate();
-    let index = rate.first_at(tick + 1) - 1;
-    let (from, to) = (rate.tick(index), rate.tick(index + 1));
+    let (index, [from, to]) = rate.around(tick);
     let t = (tick - from) as f64 / (to - from).max(1) as f64;
     let behind = poses.behind() as i64;
     let last = poses.around().len() as i64 - behind - 1;

@@ -39,38 +39,28 @@ impl Take<'_> {
 /// With s speeds and g gains a database has (s + 1) (g + 1) times as many units. A change of speed changes the pitch by the same factor, as on tape.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Augmentation {
-    /// Factors on the speed, above 0; thousandths count.
+    /// Factors on the speed, above 0; thousandths count. 1 adds nothing.
     pub speeds: Vec<f64>,
-    /// Gains, dB.
+    /// Gains, dB. 0 adds nothing.
     pub gains: Vec<f64>,
-}
-
-impl Augmentation {
-    /// All pairs of speed and gain, first that of the recordings themselves.
-    fn variants(&self) -> Vec<(f64, Vec<Variant>)> {
-        let gains = || std::iter::once(0.0).chain(self.gains.iter().copied());
-        let at = |speed: f64| {
-            let variant = |gain: f64| Variant { speed: speed as f32, gain: gain as f32 };
-            (speed, gains().map(variant).collect())
-        };
-        std::iter::once(1.0).chain(self.speeds.iter().copied()).map(at).collect()
-    }
 }
 
 /// Number of speeds to the unit that differ.
 const SPEED_STEPS: u64 = 1000;
 
+fn speed_steps(speed: f64) -> u64 {
+    (speed * SPEED_STEPS as f64).round().max(1.0) as u64
+}
+
 /// A recording at another speed.
-fn at_speed<'a>(take: &Take<'a>, speed: f64, rate: Rate) -> Result<Take<'a>, DspError> {
-    let steps = (speed * SPEED_STEPS as f64).round().max(1.0) as u64;
-    if steps == SPEED_STEPS {
-        return Ok(take.clone());
-    }
+fn at_speed(take: &Take<'_>, speed: f64, rate: Rate) -> Result<Take<'static>, DspError> {
+    let steps = speed_steps(speed);
     let from = Rate::new(rate.num() * steps, rate.den() * SPEED_STEPS).unwrap_or(rate);
     let resampler = Resampler::new(from, rate, Quality::High)?;
     let channels: Result<Vec<Vec<f32>>, DspError> =
         take.channels.par_iter().map(|x| resampler.whole(x)).collect();
-    let mut changed = Take { channels: channels?.into(), ..take.clone() };
+    let (spans, source) = (take.spans.clone(), take.source.clone());
+    let mut changed = Take { channels: channels?.into(), spans, source };
     let (length, factor) = (changed.len(), SPEED_STEPS as f64 / steps as f64);
     let at = |sample: usize| ((sample as f64 * factor).round() as usize).min(length);
     changed.spans.iter_mut().flatten().for_each(|span| *span = at(span.start)..at(span.end));
@@ -250,22 +240,38 @@ fn stretches(
         }
         false => None,
     };
-    let mut all = Vec::new();
-    for (speed, variants) in augmentation.variants() {
+    let gains: Vec<f64> = augmentation.gains.iter().copied().filter(|gain| *gain != 0.0).collect();
+    let mut all = of_takes(takes, 1.0, c, gap, design.as_ref());
+    add_gains(&mut all, 0, &gains);
+    for speed in augmentation.speeds.iter().map(|speed| speed_steps(*speed) as f64 / SPEED_STEPS as f64) {
+        if speed == 1.0 {
+            continue;
+        }
         let changed: Result<Vec<Take<'_>>, DspError> =
             takes.iter().map(|take| at_speed(take, speed, c.rate)).collect();
         let changed = changed.map_err(|error| BuildError::Speed { speed, error })?;
-        let originals = of_takes(&changed, c, gap, design.as_ref());
-        for variant in variants {
-            all.extend(originals.iter().map(|s| s.as_variant(variant)));
-        }
+        let from = all.len();
+        all.extend(of_takes(&changed, speed, c, gap, design.as_ref()));
+        add_gains(&mut all, from, &gains);
     }
     Ok(all)
 }
 
-/// The stretches of recordings at one speed.
+/// Adds copies of the stretches from an index on, with each of some gains.
+fn add_gains(all: &mut Vec<Stretch>, from: usize, gains: &[f64]) {
+    let to = all.len();
+    for gain in gains {
+        for k in from..to {
+            let copy = all[k].at_gain(*gain as f32);
+            all.push(copy);
+        }
+    }
+}
+
+/// The stretches of recordings that were brought to a speed.
 fn of_takes(
     takes: &[Take<'_>],
+    speed: f64,
     c: &FeatureConventions,
     gap: Option<Gap>,
     design: Option<&Butterworth>,
@@ -285,8 +291,8 @@ fn of_takes(
     let stretch = |(source, channel, channels, span): (u32, u32, &[Vec<f32>], Range<usize>)| Stretch {
         source,
         channel,
-        offset: span.start,
-        variant: Variant::default(),
+        offset: (span.start as f64 * speed).round() as usize,
+        variant: Variant { speed: speed as f32, gain: 0.0 },
         units: span.len() / c.unit.max(1) as usize,
         audio: channels.iter().map(|x| clean(&x[span.clone()], design, c.frame as usize)).collect(),
     };
@@ -294,12 +300,11 @@ fn of_takes(
 }
 
 impl Stretch {
-    /// This stretch of a recording at the speed of a variant, at its gain.
-    fn as_variant(&self, variant: Variant) -> Self {
-        let gain = 10_f32.powf(variant.gain / 20.0);
-        let scaled = |x: &Vec<f32>| x.iter().map(|x| gain * x).collect();
-        let offset = (self.offset as f64 * f64::from(variant.speed)).round() as usize;
-        Self { variant, offset, audio: self.audio.iter().map(scaled).collect(), ..*self }
+    /// A copy with a gain, dB.
+    fn at_gain(&self, gain: f32) -> Self {
+        let (factor, variant) = (libm::powf(10.0, gain / 20.0), Variant { gain, ..self.variant });
+        let scaled = |x: &Vec<f32>| x.iter().map(|x| factor * x).collect();
+        Self { variant, audio: self.audio.iter().map(scaled).collect(), ..*self }
     }
 }
 

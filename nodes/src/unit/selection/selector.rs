@@ -109,7 +109,14 @@ pub struct Units<'a> {
     pub same: Vec<u32>,
 }
 
-impl Units<'_> {
+impl<'a> Units<'a> {
+    /// Units that may all be chosen and have sounds of their own.
+    #[must_use]
+    pub fn new(features: &'a [f32], dims: usize, segments: Vec<(usize, usize)>) -> Self {
+        let allowed = vec![true; features.len() / dims.max(1)];
+        Self { features, dims, segments, allowed, same: Vec::new() }
+    }
+
     /// Returns how many of some units may be chosen and differ in more than their level.
     #[must_use]
     pub fn different(&self, units: impl Iterator<Item = usize>) -> usize {

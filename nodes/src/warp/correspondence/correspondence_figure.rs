@@ -1,6 +1,6 @@
 //! The figure of correspondences in the waveforms of both sides, as a node.
 
-use super::marked_waveforms::{Mark, MarkedWaveforms, Waveform};
+use super::marked_waveforms::{Mark, MarkedWaveforms, Waveform, WaveformMeter};
 use super::pairing::{Interval, Target, intervals};
 use super::set::CorrespondenceSet;
 use crate::core::fault::{Fault, Reject};
@@ -42,11 +42,7 @@ const MAX_SECONDS: f64 = 3600.0;
 
 /// The node over [`MarkedWaveforms`].
 pub struct CorrespondenceFigure {
-    target: Waveform,
-    /// Samples of a step that is not whole yet, of all channels.
-    rest: Vec<f32>,
-    /// Samples of a step, of all channels.
-    width: usize,
+    target: WaveformMeter,
     marks: Vec<Mark>,
 }
 
@@ -104,27 +100,16 @@ impl Node for CorrespondenceFigure {
         let marks = found(&audio, &db, &pairs)?.into_iter().map(mark).collect();
         let frames = (unit * audio.rate.as_f64()).round().max(1.0) as usize;
         let step = frames as f64 / audio.rate.as_f64();
-        let width = frames * usize::from(audio.format.0.max(1));
-        let target = Waveform { step, extremes: Vec::new() };
-        Ok(Self { target, rest: Vec::with_capacity(width), width, marks })
+        let target = WaveformMeter::new(step, frames * usize::from(audio.format.0.max(1)));
+        Ok(Self { target, marks })
     }
 
     fn run(&mut self, io: CorrespondenceFigureIo<'_>) -> Result<(), Fault> {
-        let mut samples = io.audio.items();
-        while !samples.is_empty() {
-            let (now, later) = samples.split_at((self.width - self.rest.len()).min(samples.len()));
-            self.rest.extend_from_slice(now);
-            samples = later;
-            if self.rest.len() == self.width {
-                self.target.push(&self.rest, self.width);
-                self.rest.clear();
-            }
-        }
+        self.target.add(io.audio.items());
         Ok(())
     }
 
     fn finish(&mut self, mut io: CorrespondenceFigureIo<'_>) -> Result<Summary, Fault> {
-        self.target.push(&self.rest, self.width);
         let db = io.database;
         let step = db.unit() as f64 / db.conventions.rate.as_f64();
         let mut recordings = Waveform { step, extremes: Vec::new() };
@@ -133,11 +118,11 @@ impl Node for CorrespondenceFigure {
         recordings.push(recorded, db.unit());
         let marks = std::mem::take(&mut self.marks);
         let summary = vec![("marks", marks.len().into())];
-        io.figure.set(MarkedWaveforms { target: std::mem::take(&mut self.target), recordings, marks });
+        io.figure.set(MarkedWaveforms { target: self.target.finish(), recordings, marks });
         Ok(summary)
     }
 
-    archive_state!(target, rest);
+    archive_state!(target);
 }
 
 #[cfg(test)]

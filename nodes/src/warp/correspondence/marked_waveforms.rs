@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::item::Data;
 use crate::core::random::Rng;
+use crate::impl_state;
 use crate::plot::{Axis, Line, Span, chart, colour, grid, with_spans};
 
 /// Most points of a drawn waveform.
@@ -20,13 +21,52 @@ pub struct Waveform {
     pub extremes: Vec<[f32; 2]>,
 }
 
+fn extremes(samples: &[f32]) -> [f32; 2] {
+    samples.iter().fold([0.0; 2], |[low, high], x| [low.min(*x), high.max(*x)])
+}
+
+/// A waveform of samples that arrive in parts.
+#[derive(Clone, Debug, Default)]
+pub(super) struct WaveformMeter {
+    waveform: Waveform,
+    /// Samples of a step that is not whole yet.
+    rest: Vec<f32>,
+    /// Samples of a step, of all channels.
+    width: usize,
+}
+impl_state!(WaveformMeter { waveform, rest });
+
+impl WaveformMeter {
+    /// A meter of a sound of no sample yet, whose steps of `step` seconds have `width` samples.
+    pub fn new(step: f64, width: usize) -> Self {
+        let width = width.max(1);
+        Self { waveform: Waveform { step, extremes: Vec::new() }, rest: Vec::with_capacity(width), width }
+    }
+
+    /// Adds samples.
+    pub fn add(&mut self, samples: &[f32]) {
+        let (first, others) = samples.split_at((self.width - self.rest.len()).min(samples.len()));
+        self.rest.extend_from_slice(first);
+        if self.rest.len() == self.width {
+            let whole = others.len() / self.width * self.width;
+            self.waveform.push(&self.rest, self.width);
+            self.waveform.push(&others[..whole], self.width);
+            self.rest.clear();
+            self.rest.extend_from_slice(&others[whole..]);
+        }
+    }
+
+    /// Returns the waveform of all samples.
+    pub fn finish(&mut self) -> Waveform {
+        self.waveform.push(&self.rest, self.width);
+        self.rest.clear();
+        std::mem::take(&mut self.waveform)
+    }
+}
+
 impl Waveform {
-    /// The waveform of whole steps of a sound.
-    ///
-    /// # Shapes
-    /// `samples: [steps * width]`, of channels in any order.
+    /// Adds samples, `width` to a step; the last step may be shorter.
     pub(super) fn push(&mut self, samples: &[f32], width: usize) {
-        let extremes = |x: &[f32]| x.iter().fold([0.0_f32; 2], |[low, high], x| [low.min(*x), high.max(*x)]);
         self.extremes.extend(samples.chunks(width.max(1)).map(extremes));
     }
 
@@ -69,18 +109,9 @@ pub struct MarkedWaveforms {
 
 impl MarkedWaveforms {
     fn panel(&self, title: &str, waveform: &Waveform, of: impl Fn(&Mark) -> [f64; 2]) -> String {
-        let at = |(k, [low, high]): (usize, [f32; 2])| {
-            let time = (k as f64 + 0.5) * waveform.step;
-            [[time, f64::from(low)], [time, f64::from(high)]]
-        };
         let drawn = waveform.reduced(MAX_POINTS);
-        let points: Vec<[f64; 2]> = drawn
-            .extremes
-            .iter()
-            .copied()
-            .enumerate()
-            .flat_map(|(k, extremes)| at((k, extremes)).map(|[t, y]| [t * drawn.step / waveform.step, y]))
-            .collect();
+        let at = |(k, ends): (usize, &[f32; 2])| ends.map(|y| [(k as f64 + 0.5) * drawn.step, f64::from(y)]);
+        let points: Vec<[f64; 2]> = drawn.extremes.iter().enumerate().flat_map(at).collect();
         let x = Axis { label: "time, s".into(), range: [0.0, waveform.seconds().max(1e-3)], log: false };
         let y = Axis::over("sample", points.iter().map(|p| p[1]), false);
         let spans: Vec<Span> = self
@@ -134,6 +165,11 @@ mod tests {
         let half = wave.reduced(2);
         assert_eq!((half.step, &half.extremes[..]), (1.0, &[[-0.4, 0.3], [-0.1, 0.7]][..]));
         assert_eq!(wave.reduced(9), wave);
+        for parts in [1, 2, 3, 7] {
+            let mut meter = WaveformMeter::new(0.5, 2);
+            [0.1, -0.4, 0.3, 0.2, 0.0, -0.1, 0.7].chunks(parts).for_each(|part| meter.add(part));
+            assert_eq!(meter.finish(), wave, "in parts of {parts}");
+        }
     }
 
     #[test]

@@ -261,13 +261,7 @@ mod tests {
         let out = LeaveOut::new(&world.pairs, 2, 300.0).unwrap();
         let rest: Vec<Tps> = (0..5).map(|k| out.without(k).unwrap()).collect();
         let n = world.database.len() / 2;
-        let units = Units {
-            features: &world.database,
-            dims: 2,
-            segments: vec![(0, n)],
-            allowed: vec![true; n],
-            same: Vec::new(),
-        };
+        let units = Units::new(&world.database, 2, vec![(0, n)]);
         let params =
             SelectorParams { look: 2, d_max, cool_off: 5, loop_guard: 0, causal: false, effort: None };
         let baseline = Baseline::new(world.target.clone(), &all, &units, params).unwrap().unwrap();

@@ -101,7 +101,7 @@ fn empty_short_and_broken_recordings_are_named() {
     assert!(matches!(found, BuildError::NotFinite { sample: 321, .. }), "{found}");
 }
 
-fn loudest(x: &[f32]) -> f64 {
+fn power(x: &[f32]) -> f64 {
     x.iter().map(|x| f64::from(x * x)).sum::<f64>() / x.len() as f64
 }
 
@@ -125,11 +125,14 @@ fn copies_have_other_speeds_and_levels_and_stand_after_the_recordings() {
     assert_eq!(db.floor_energy, plain.floor_energy);
     assert_eq!((&db.features[..90], &db.audio[..3000]), (&plain.features[..], &plain.audio[..]));
     let of = |segment: usize| &db.channel(0)[db.segments[segment].range().start * 100..][..1000];
-    assert!((10.0 * (loudest(of(2)) / loudest(of(0))).log10() + 6.0).abs() < 1e-3);
+    assert!((10.0 * (power(of(2)) / power(of(0))).log10() + 6.0).abs() < 1e-3);
     // Units that differ in level only are one sound.
     let same = db.same_sounds();
     assert_eq!((same.len(), same[30], same[59], same[60], same[97]), (134, 0, 29, 60, 60));
     assert!(plain.same_sounds().is_empty());
+    // The speed and the level of the recordings themselves add nothing.
+    let own = Augmentation { speeds: vec![1.0, 0.8, 1.0004], gains: vec![0.0, -6.0] };
+    assert_eq!(build_augmented(&takes, &c, None, &own).unwrap(), db);
 }
 
 #[test]

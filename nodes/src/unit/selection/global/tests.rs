@@ -62,7 +62,7 @@ fn the_path_costs_as_much_as_that_of_the_full_programme() {
         let mut features = Vec::new();
         let (m, segments) = units(&mut rng, &lengths, &mut features);
         let allowed = (0..m).map(|j| case != 2 || j % 13 != 5).collect();
-        let set = Units { features: &features, dims: 3, segments, allowed, same: Vec::new() };
+        let set = Units { allowed, ..Units::new(&features, 3, segments) };
         let table = Table::new(&set).unwrap();
         let target = walk(&mut rng, 120);
         for (p, cap) in [(0.5, f64::INFINITY), (0.0, f64::INFINITY), (2.0, 1.5), (1000.0, f64::INFINITY)] {
@@ -117,13 +117,13 @@ fn the_active_columns_are_all_that_the_best_path_needs() {
     for case in 0..40 {
         let mut features = Vec::new();
         let lengths: Vec<usize> = (0..1 + rng.below(9)).map(|_| 1 + rng.below(400)).collect();
-        let (m, segments) = units(&mut rng, &lengths, &mut features);
+        let (_, segments) = units(&mut rng, &lengths, &mut features);
         let mut target = walk(&mut rng, 80);
         if case % 4 == 0 {
             // Many paths cost the same.
             features.iter_mut().chain(&mut target).for_each(|x| *x = x.round());
         }
-        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
+        let set = Units::new(&features, 3, segments);
         let table = Table::new(&set).unwrap();
         let p = GlobalParams {
             cap: [f64::INFINITY, 1.5, 0.2][rng.below(3)],
@@ -154,7 +154,7 @@ fn no_choice_unit_by_unit_is_cheaper() {
         let mut features = Vec::new();
         let lengths: Vec<usize> = (0..1 + rng.below(4)).map(|_| 1 + rng.below(60)).collect();
         let (m, segments) = units(&mut rng, &lengths, &mut features);
-        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
+        let set = Units::new(&features, 3, segments);
         let table = Table::new(&set).unwrap();
         let target = walk(&mut rng, 1 + case * 7);
         let p = params(rng.between(0.0, 3.0), 0);
@@ -183,7 +183,7 @@ fn a_beam_as_wide_as_the_database_finds_the_best_path() {
     let mut rng = Rng::new(3);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, &[20, 30], &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
+    let set = Units::new(&features, 3, segments);
     let table = Table::new(&set).unwrap();
     let target = walk(&mut rng, 60);
     let p = BeamParams { path: params(0.4, 0), candidates: m, feature: 0.3, level: 0.2, crossing: 0.5 };
@@ -202,7 +202,7 @@ fn free_jumps_give_the_nearest_units_and_dear_ones_an_unbroken_run() {
     let mut rng = Rng::new(4);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, &[50, 150], &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
+    let set = Units::new(&features, 3, segments);
     let table = Table::new(&set).unwrap();
     let target = walk(&mut rng, 100);
     let near = exact(&table, &target, &params(0.0, 0), None).unwrap();
@@ -250,8 +250,7 @@ fn a_planted_path_is_recovered_when_noise_is_below_half_the_gap() {
     let mut rng = Rng::new(5);
     for noise in [0.0, 0.49] {
         let (features, segments, path, target) = planted(&mut rng, noise);
-        let set =
-            Units { features: &features, dims: 3, segments, allowed: vec![true; 243], same: Vec::new() };
+        let set = Units::new(&features, 3, segments);
         let table = Table::new(&set).unwrap();
         assert_eq!(exact(&table, &target, &params(0.02, 0), None).unwrap().units, path);
     }
@@ -261,8 +260,8 @@ fn a_planted_path_is_recovered_when_noise_is_below_half_the_gap() {
 fn blocks_of_any_size_give_the_same_path() {
     let mut rng = Rng::new(6);
     let mut features = Vec::new();
-    let (m, segments) = units(&mut rng, &[9000, 8500], &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
+    let (_, segments) = units(&mut rng, &[9000, 8500], &mut features);
+    let set = Units::new(&features, 3, segments);
     let table = Table::new(&set).unwrap();
     let target = walk(&mut rng, 50);
     let p = params(0.5, 3);
@@ -285,7 +284,7 @@ fn repaired(seed: u64, lengths: &[usize], rows: usize) -> (f64, f64) {
     let mut rng = Rng::new(seed);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, lengths, &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
+    let set = Units::new(&features, 3, segments);
     let table = Table::new(&set).unwrap();
     let target = walk(&mut rng, rows);
     let free = exact(&table, &target, &params(0.2, 0), None).unwrap();
@@ -319,6 +318,40 @@ fn units_rest_after_a_repair_that_costs_no_more_than_replacing() {
     assert!(sum.0 < sum.1, "{sum:?}");
 }
 
+#[test]
+fn every_search_takes_copies_at_another_level_for_the_same_unit() {
+    let mut rng = Rng::new(31);
+    let (mut features, lengths) = (Vec::new(), [70, 50]);
+    let (m, segments) = units(&mut rng, &lengths, &mut features);
+    // The copies lie so near that they would take turns with the units themselves.
+    let copies: Vec<f32> = features.iter().map(|x| x + 1e-3).collect();
+    let twice: Vec<f32> = [&features[..], &copies].concat();
+    let all: Vec<_> =
+        segments.iter().copied().chain(segments.iter().map(|(from, n)| (from + m, *n))).collect();
+    let same: Vec<u32> = (0..2 * m).map(|j| (j % m) as u32).collect();
+    let sounds = |picks: &[u32]| picks.iter().map(|unit| unit % m as u32).collect::<Vec<_>>();
+    // A target that hardly moves asks for the same units again and again.
+    let target: Vec<f32> = walk(&mut rng, 150).iter().map(|x| 0.05 * x).collect();
+    for are_known in [false, true] {
+        let same = if are_known { same.clone() } else { Vec::new() };
+        let set = Units { same, ..Units::new(&twice, 3, all.clone()) };
+        let table = Table::new(&set).unwrap();
+        let p = params(0.0, 10);
+        let exact = exact(&table, &target, &p, None).unwrap().units;
+        let beam_params = BeamParams { path: p, candidates: 60, feature: 0.0, level: 0.0, crossing: 0.0 };
+        let beam = beam(&table, &Joins::default(), &target, &[], &beam_params).unwrap().units;
+        let mut lagged = FixedLag::new(Table::new(&set).unwrap(), p, 5);
+        let window = |i: usize| &target[3 * i..(3 * (i + 6)).min(target.len())];
+        let lagged: Vec<u32> = (0..150).map(|i| lagged.choose(window(i)).unwrap().unit).collect();
+        for (name, picks) in
+            [("exact", exact), ("beam", beam), ("lagged", lagged), ("greedy", greedy(&target, &set, 10))]
+        {
+            assert_eq!(repeated(&picks, 10), 0, "{name}");
+            assert_eq!(repeated(&sounds(&picks), 10) == 0, are_known, "{name}, known: {are_known}");
+        }
+    }
+}
+
 /// Number of picks that complete a repeat of four picks within `guard` targets.
 fn loops(path: &[u32], guard: usize) -> usize {
     let same = |i: usize, lag: usize| i >= lag + 3 && path[i - 3..=i] == path[i - lag - 3..=i - lag];
@@ -330,8 +363,8 @@ fn no_four_picks_are_repeated_within_the_loop_guard() {
     let mut rng = Rng::new(21);
     for lengths in [&[60, 40][..], &[400, 300]] {
         let mut features = Vec::new();
-        let (m, segments) = units(&mut rng, lengths, &mut features);
-        let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
+        let (_, segments) = units(&mut rng, lengths, &mut features);
+        let set = Units::new(&features, 3, segments);
         let table = Table::new(&set).unwrap();
         // A target that repeats itself.
         let target = walk(&mut rng, 60).repeat(5);
@@ -355,13 +388,7 @@ fn no_four_picks_are_repeated_within_the_loop_guard() {
 #[test]
 fn fewer_units_than_have_to_rest_are_chosen_all_the_same() {
     let features = [0.0, 1.0, 2.0];
-    let set = Units {
-        features: &features,
-        dims: 1,
-        segments: vec![(0, 3)],
-        allowed: vec![true; 3],
-        same: Vec::new(),
-    };
+    let set = Units::new(&features, 1, vec![(0, 3)]);
     let table = Table::new(&set).unwrap();
     let target = [0.0, 0.0, 0.0, 0.0, 2.0];
     let path = exact(&table, &target, &params(0.5, 20), None).unwrap();
@@ -377,8 +404,8 @@ fn fewer_units_than_have_to_rest_are_chosen_all_the_same() {
 fn a_lag_as_long_as_the_target_loses_nothing_and_a_short_one_little() {
     let mut rng = Rng::new(8);
     let mut features = Vec::new();
-    let (m, segments) = units(&mut rng, &[300, 200], &mut features);
-    let set = Units { features: &features, dims: 3, segments, allowed: vec![true; m], same: Vec::new() };
+    let (_, segments) = units(&mut rng, &[300, 200], &mut features);
+    let set = Units::new(&features, 3, segments);
     let table = Table::new(&set).unwrap();
     let n = 300;
     let target = walk(&mut rng, n);
@@ -400,13 +427,7 @@ fn a_lag_as_long_as_the_target_loses_nothing_and_a_short_one_little() {
 #[test]
 fn targets_that_are_not_finite_are_named_and_empty_ones_are_empty() {
     let features = [0.0, 1.0];
-    let set = Units {
-        features: &features,
-        dims: 1,
-        segments: vec![(0, 2)],
-        allowed: vec![true; 2],
-        same: Vec::new(),
-    };
+    let set = Units::new(&features, 1, vec![(0, 2)]);
     let table = Table::new(&set).unwrap();
     let p = params(0.5, 0);
     assert_eq!(exact(&table, &[0.0, f32::NAN], &p, None), Err(crate::unit::NotFinite(1)));

@@ -247,8 +247,7 @@ mod tests {
     fn check(features: &[f32], dims: usize, segments: Vec<(usize, usize)>, look: usize, causal: bool) {
         let count = features.len() / dims;
         let allowed: Vec<bool> = (0..count).map(|j| j % 11 != 3).collect();
-        let units =
-            Units { features, dims, segments: segments.clone(), allowed: allowed.clone(), same: Vec::new() };
+        let units = Units { allowed: allowed.clone(), ..Units::new(features, dims, segments.clone()) };
         let params = SelectorParams { look, causal, ..SelectorParams::default() };
         let index = Index::new(&units, &params);
         let mut windows: BTreeMap<Vec<u32>, Vec<usize>> = BTreeMap::new();

@@ -111,7 +111,7 @@ fn the_search_finds_the_choice_of_the_whole_table() {
         if round % 3 > 0 || !allowed.contains(&true) {
             allowed = vec![true; m];
         }
-        let units = Units { features: &features, dims, segments, allowed, same: Vec::new() };
+        let units = Units { allowed, ..Units::new(&features, dims, segments) };
         let p = SelectorParams {
             look: [0, 1, 5, 100][rng.below(4)],
             d_max: [0.5, 2.0, 100.0][rng.below(3)],
@@ -138,7 +138,7 @@ fn a_database_chooses_itself_and_never_repeats_within_the_cool_off() {
     let mut rng = Rng::new(2);
     let features = wander(&mut rng, 300, 3, false);
     let segments = vec![(0, 300)];
-    let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 300], same: Vec::new() };
+    let units = Units::new(&features, 3, segments);
     for (cool_off, causal) in [(0, false), (20, false), (500, false), (20, true)] {
         let p = SelectorParams { look: 5, d_max: 2.0, cool_off, loop_guard: 0, causal, effort: None };
         let picks = run(&features, &units, &p);
@@ -181,13 +181,7 @@ fn recordings_choose_themselves_but_for_a_window_before_each_join() {
     let mut rng = Rng::new(12);
     let features = wander(&mut rng, 240, 3, false);
     let segments = vec![(0, 90), (90, 4), (94, 80), (174, 66)];
-    let units = Units {
-        features: &features,
-        dims: 3,
-        segments: segments.clone(),
-        allowed: vec![true; 240],
-        same: Vec::new(),
-    };
+    let units = Units::new(&features, 3, segments.clone());
     for look in [0, 5, 9] {
         for cool_off in [0, 20, 500] {
             let p = SelectorParams { look, d_max: 2.0, cool_off, loop_guard: 0, causal: false, effort: None };
@@ -247,13 +241,7 @@ fn by_ball(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<(u32, b
 fn among_many_units_few_are_looked_at_and_the_best_is_found() {
     let mut rng = Rng::new(31);
     let (features, target) = (smooth(&mut rng, 20_000), smooth(&mut rng, 120));
-    let units = Units {
-        features: &features,
-        dims: 3,
-        segments: vec![(0, 20_000)],
-        allowed: vec![true; 20_000],
-        same: Vec::new(),
-    };
+    let units = Units::new(&features, 3, vec![(0, 20_000)]);
     for d_max in [2.0, 8.0] {
         let p = SelectorParams { look: 10, d_max, cool_off: 20, loop_guard: 0, causal: false, effort: None };
         let found = run(&target, &units, &p);
@@ -272,8 +260,7 @@ fn units_that_are_all_alike_are_not_looked_at_one_by_one() {
     // Silence in both: every unit of the first two stretches is at no distance.
     let features = [vec![0.5; 3 * 9000], vec![4.0; 3 * 1000]].concat();
     let segments = vec![(0, 4000), (4000, 5000), (9000, 1000)];
-    let units =
-        Units { features: &features, dims: 3, segments, allowed: vec![true; 10_000], same: Vec::new() };
+    let units = Units::new(&features, 3, segments);
     let look = 5;
     let choose = |effort, picks: &[u32]| {
         let p = SelectorParams { look, d_max: 2.0, cool_off: 20, loop_guard: 0, causal: false, effort };
@@ -295,8 +282,7 @@ fn units_that_are_all_as_far_are_not_looked_at_one_by_one_either() {
     // Silence of the recordings beside a target that is not quite as silent: every unit ties, at a distance that is not 0.
     let features = vec![0.5; 3 * 10_000];
     let segments = vec![(0, 4000), (4000, 6000)];
-    let units =
-        Units { features: &features, dims: 3, segments, allowed: vec![true; 10_000], same: Vec::new() };
+    let units = Units::new(&features, 3, segments);
     let look = 10;
     for d_max in [2.0, 0.2] {
         let choose = |effort, picks: &[u32]| {
@@ -345,13 +331,7 @@ fn families_of_like_units_are_chosen_from_as_from_the_whole_table() {
         let target: Vec<f32> = target.iter().map(|x| x + 0.25).collect();
         let cut = 10 + rng.below(40);
         let allowed: Vec<bool> = (0..m).map(|_| round % 3 > 0 || rng.below(3) > 0).collect();
-        let units = Units {
-            features: &features,
-            dims: 2,
-            segments: vec![(0, cut), (cut, m - cut)],
-            allowed,
-            same: Vec::new(),
-        };
+        let units = Units { allowed, ..Units::new(&features, 2, vec![(0, cut), (cut, m - cut)]) };
         let p = SelectorParams {
             look: [0, 2, 6][rng.below(3)],
             d_max: [0.3, 2.0][rng.below(2)],
@@ -393,13 +373,7 @@ fn comparing_the_past_keeps_runs_as_long_as_comparing_the_future() {
     for seed in seeds {
         let mut rng = Rng::new(seed);
         let (features, target) = (filtered(&mut rng, 20_000, 3.0), filtered(&mut rng, n, 3.0));
-        let units = Units {
-            features: &features,
-            dims: 3,
-            segments: vec![(0, 20_000)],
-            allowed: vec![true; 20_000],
-            same: Vec::new(),
-        };
+        let units = Units::new(&features, 3, vec![(0, 20_000)]);
         for (look, causal, sum) in [(10, false, &mut ahead), (10, true, &mut back), (0, false, &mut none)] {
             let p = SelectorParams { look, d_max: 2.0, cool_off: 20, loop_guard: 0, causal, effort: None };
             let picks = run(&target, &units, &p);
@@ -423,8 +397,7 @@ fn neither_threads_nor_the_order_of_the_index_change_a_choice() {
     for grid in [false, true] {
         let (features, target) = (wander(&mut rng, 300, 3, grid), wander(&mut rng, 200, 3, grid));
         let segments = vec![(0, 130), (130, 170)];
-        let units =
-            Units { features: &features, dims: 3, segments, allowed: vec![true; 300], same: Vec::new() };
+        let units = Units::new(&features, 3, segments);
         let p =
             SelectorParams { look: 4, d_max: 2.0, cool_off: 10, loop_guard: 0, causal: false, effort: None };
         let wanted = run(&target, &units, &p);
@@ -478,16 +451,9 @@ fn a_heavy_tag_dimension_is_the_mask_and_a_light_one_is_a_wish() {
         };
         let wrong = |weight: f32, tag: bool| {
             let allowed = (0..360).map(|j| second(j) == tag).collect();
-            let masked =
-                Units { features: &features, dims: 3, segments: segments.clone(), allowed, same: Vec::new() };
+            let masked = Units { allowed, ..Units::new(&features, 3, segments.clone()) };
             let both = tagged(&features, weight, second);
-            let soft = Units {
-                features: &both,
-                dims: 4,
-                segments: segments.clone(),
-                allowed: vec![true; 360],
-                same: Vec::new(),
-            };
+            let soft = Units::new(&both, 4, segments.clone());
             let (hard, soft) = (run(&target, &masked, &p), run(&tagged(&target, weight, |_| tag), &soft, &p));
             let wrong = soft.iter().filter(|pick| second(pick.unit as usize) != tag).count();
             assert!(wrong > 0 || soft == hard, "{weight}: allowed, but not what the mask allows");
@@ -505,13 +471,7 @@ fn a_loop_guard_ends_exact_repeats() {
     // The target stays where 25 units lie: without a guard they take turns for ever.
     let features: Vec<f32> =
         (0..200).map(|j| if j < 25 { 0.01 * j as f32 } else { 0.5 + 0.001 * j as f32 }).collect();
-    let units = Units {
-        features: &features,
-        dims: 1,
-        segments: vec![(0, 200)],
-        allowed: vec![true; 200],
-        same: Vec::new(),
-    };
+    let units = Units::new(&features, 1, vec![(0, 200)]);
     let repeats = |loop_guard| {
         let p = SelectorParams { look: 0, d_max: 9.0, cool_off: 20, loop_guard, causal: false, effort: None };
         let picks: Vec<u32> = run(&[0.0; 300], &units, &p).iter().map(|c| c.unit).collect();
@@ -524,13 +484,7 @@ fn a_loop_guard_ends_exact_repeats() {
 #[test]
 fn a_feature_that_is_not_finite_is_named_by_its_unit() {
     let features = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
-    let units = Units {
-        features: &features,
-        dims: 2,
-        segments: vec![(0, 3)],
-        allowed: vec![true; 3],
-        same: Vec::new(),
-    };
+    let units = Units::new(&features, 2, vec![(0, 3)]);
     let p = SelectorParams { look: 2, d_max: 1.0, cool_off: 0, loop_guard: 0, causal: false, effort: None };
     let mut selector = selector(&units, p).unwrap();
     selector.choose(&features).unwrap();
@@ -547,13 +501,7 @@ fn a_feature_that_is_not_finite_is_named_by_its_unit() {
 fn what_is_recalled_is_all_that_is_known() {
     let mut rng = Rng::new(11);
     let (features, target) = (wander(&mut rng, 80, 2, false), wander(&mut rng, 60, 2, false));
-    let units = Units {
-        features: &features,
-        dims: 2,
-        segments: vec![(0, 80)],
-        allowed: vec![true; 80],
-        same: Vec::new(),
-    };
+    let units = Units::new(&features, 2, vec![(0, 80)]);
     let p = SelectorParams { look: 3, d_max: 2.0, cool_off: 12, loop_guard: 0, causal: false, effort: None };
     let picks = run(&target, &units, &p);
     let mut again = selector(&units, p).unwrap();
@@ -580,7 +528,7 @@ fn a_search_that_takes_too_much_goes_on_with_the_run_and_a_short_one_is_left_alo
     let mut rng = Rng::new(11);
     let features = noise(4, &mut rng);
     let segments: Vec<_> = (0..4).map(|k| (500 * k, 500)).collect();
-    let units = Units { features: &features, dims: 3, segments, allowed: vec![true; 2000], same: Vec::new() };
+    let units = Units::new(&features, 3, segments);
     let target = noise(1, &mut rng);
     let look = 3;
     let choose = |effort| {
