@@ -1,5 +1,5 @@
-//! 128 voices of all kinds at once, live: impacts, scrapes, rustles, sound textures and grains, at 48 kHz in windows of 256, on a clock without a
-//! card.
+//! 128 voices of all kinds at once, live: impacts, scrapes, rustles of sheets of 216 vertices, sound textures and grains, at 48 kHz in windows of 256,
+//! on a clock without a card.
 //!
 //! `cargo bench -p foley -- voices`, or `-- voices 600` for ten minutes instead of one. Budget: one core for everything, and no window late.
 
@@ -24,6 +24,8 @@ fn graph(seconds: f64) -> (String, String) {
     let mut nodes = String::new();
     let mut voices = Vec::new();
     for k in 0..EACH {
+        // Long enough to touch until the end.
+        let length = seconds;
         let (speed, pitch) = (0.2 + 0.01 * k as f64, 0.5 + k as f64 / EACH as f64);
         let _ = write!(
             nodes,
@@ -32,7 +34,7 @@ fn graph(seconds: f64) -> (String, String) {
             \"stroke{k}\": Stroke(shape: Circle, from: [0.7, 0.7], radius: 0.3, laps: 400, speed: {speed}),
             \"rub{k}\": TwoTextures(paths: \"stroke{k}\", a: \"tiles\", radius: 0.02, mass: 0.1, rate: {RATE}),
             \"scrape{k}\": ModalBank(forces: [\"rub{k}\"], modes: \"modes\", gain: 0.05, pitch: {pitch}),
-            \"sheet{k}\": MeshGenerator(kind: Planes, speed: {speed}, duration: {seconds:?}, size: [0.2, 0.2]),
+            \"sheet{k}\": MeshGenerator(kind: Planes, speed: {speed}, duration: {seconds:?}, size: [{length:?}, 0.2], vertices: [36, 3]),
             \"contacts{k}\": ContactDetector(mesh: \"sheet{k}\", radius: 0.02),
             \"speed{k}\": SlidingSpeed(contacts: \"contacts{k}\", gate: Causal, between: Hold, rate: 40),
             \"rustle{k}\": IftNoise(speeds: \"speed{k}\", model: \"model\", rate: {RATE}, motion_at: Start, level: 0.05),

@@ -1,7 +1,9 @@
 //! Functions shared by several benches.
 
+use foley_nodes::io::AudioReader;
 use foley_nodes::mesh::Topology;
 use std::hint::black_box;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Returns the best time of some runs, in ms, which is least affected by other programs.
@@ -24,6 +26,21 @@ pub fn sheet(n: usize, side: f32) -> Topology {
         triangles.extend([[a, b, d], [a, d, c]]);
     }
     Topology { rest, triangles }
+}
+
+/// Returns a folder of the data beside the repository, or at `FOLEY_DATA`.
+pub fn folder(name: &str) -> PathBuf {
+    let data =
+        std::env::var_os("FOLEY_DATA").map_or_else(|| PathBuf::from("../../shared/data"), PathBuf::from);
+    data.join(name)
+}
+
+/// Reads a recording: its rate, and its samples with channels averaged.
+pub fn load(path: PathBuf) -> Option<(f64, Vec<f32>)> {
+    let file = std::fs::File::open(path).ok()?;
+    let mut reader = AudioReader::open(Box::new(file)).ok()?;
+    let samples = reader.read_mono().ok()?;
+    Some((f64::from(reader.info().rate), samples))
 }
 
 /// Begins a new peak of the memory of this process, and returns the memory that it has, in MB; not a number where the system does not say.

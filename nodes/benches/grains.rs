@@ -2,7 +2,9 @@
 //!
 //! Run with `cargo bench -p foley-nodes -- grains`. The case of the paper (Picard et al. 2009) is 94 recordings of 7.3 million samples and
 //! 5171 grains, which took 11 minutes and 4 hours. By default every eighth recording is correlated; `FOLEY_GRAINS_WHOLE=1` does all.
+//! Real recordings are those of the data beside the repository, or at `FOLEY_DATA`.
 
+use super::common::{folder, load};
 use foley_nodes::core::computation::NotStored;
 use foley_nodes::core::random::Rng;
 use foley_nodes::grain::correlation::{CorrelateRules, correlate, memory};
@@ -10,6 +12,7 @@ use foley_nodes::grain::dictionary::{ExtractRules, extract};
 use foley_nodes::grain::recording::{Component, GrainRecording, GrainRecordings, Part, SourceKind};
 use foley_nodes::grain::synthesis::{GrainSegment, GrainStep, segments};
 use std::f64::consts::TAU;
+use std::path::PathBuf;
 use std::time::Instant;
 
 const RATE: f64 = 44_100.0;
@@ -43,7 +46,45 @@ fn recording(rng: &mut Rng, n: usize, k: usize) -> GrainRecording {
     }
 }
 
+/// Recordings of impacts and contacts of the data, at the rate.
+fn real_recordings() -> GrainRecordings {
+    let files = ["recordings/impact", "recordings/contact"].map(folder).map(std::fs::read_dir);
+    let mut paths: Vec<PathBuf> =
+        files.into_iter().flatten().flatten().flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    let recording = |path: PathBuf| {
+        let name = path.file_name()?.to_string_lossy().into_owned();
+        let (rate, x) = load(path)?;
+        let part = Part { component: Component::Whole, channels: vec![x] };
+        (rate == RATE).then(|| GrainRecording { name, parts: vec![part], ..GrainRecording::default() })
+    };
+    GrainRecordings { rate: RATE, recordings: paths.into_iter().filter_map(recording).collect() }
+}
+
+/// Real recordings with and without pruning, on one thread.
+fn pruning() {
+    let all = real_recordings();
+    let (dictionary, _) = extract(&all, &ExtractRules::at_rate(RATE));
+    let samples: usize = all.recordings.iter().map(GrainRecording::len).sum();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let mut found = Vec::new();
+    for prune in [false, true] {
+        let start = Instant::now();
+        let rules = CorrelateRules { prune, ..CorrelateRules::default() };
+        found.push(pool.install(|| correlate(&all, &dictionary, &rules, &|_| false, &NotStored)));
+        println!(
+            "{} real recordings, {samples} samples, with their {} grains, one thread, {} pruning: {:.1} s",
+            all.recordings.len(),
+            dictionary.len(),
+            if prune { "with" } else { "without" },
+            start.elapsed().as_secs_f64()
+        );
+    }
+    println!("the same patterns: {}", found[0] == found[1]);
+}
+
 pub fn bench() {
+    pruning();
     let threads = rayon::current_num_threads();
     let mut rng = Rng::new(1);
     let recordings: Vec<GrainRecording> =

@@ -2,10 +2,10 @@
 //!
 //! Run with `cargo bench -p foley-nodes -- soundtrack`. Real recordings are those of the data beside the repository, or at `FOLEY_DATA`.
 
+use super::common::{folder, load};
 use foley_nodes::core::computation::unmonitored;
 use foley_nodes::core::random::{Random, Rng};
 use foley_nodes::dsp::{Band, Butterworth, zero_phase};
-use foley_nodes::io::AudioReader;
 use foley_nodes::mesh::UpAxis;
 use foley_nodes::soundtrack::matching::{MotionMatch, Normalisation, QueryRules, best_matches};
 use foley_nodes::soundtrack::motion::MotionCurve;
@@ -15,7 +15,7 @@ use foley_nodes::soundtrack::wavelet::{
     TextureModel, ThresholdRules, TreeRecording, TreeRules, Wavelet, WaveletTree, forward, inverse,
 };
 use foley_nodes::spatial::motion::bvh::Bvh;
-use std::path::PathBuf;
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -54,6 +54,15 @@ fn model(rate: f64, channel: Vec<f32>) -> Arc<TextureModel> {
 
 /// The output of a synthesis, the leaves it was copied from, and the longest time in which as much as one root was made, in ms.
 fn synthesise(model: &Arc<TextureModel>, score: &str, seconds: f64) -> (Vec<f32>, Vec<u32>, f64) {
+    synthesise_by(model, score, seconds, SynthesisRules::default())
+}
+
+fn synthesise_by(
+    model: &Arc<TextureModel>,
+    score: &str,
+    seconds: f64,
+    rules: SynthesisRules,
+) -> (Vec<f32>, Vec<u32>, f64) {
     let tree = &model.tree;
     let constraints = match score {
         "" => Constraints::default(),
@@ -61,7 +70,7 @@ fn synthesise(model: &Arc<TextureModel>, score: &str, seconds: f64) -> (Vec<f32>
             Constraints::new(&read_score(text).expect("a score"), tree, false).expect("a score that fits")
         }
     };
-    let (rules, random) = (SynthesisRules::default(), Random::new(1, "texture"));
+    let random = Random::new(1, "texture");
     let mut stream =
         TextureStream::new(Arc::clone(model), Arc::new(constraints), rules, random, Some(seconds));
     let frames = (seconds * tree.rate) as usize;
@@ -101,9 +110,15 @@ fn textures() {
     for (name, score) in [("undirected", ""), ("soft", soft), ("hard throughout", hard)] {
         println!("30 s of 32 kHz from 10 s, {name}: {:.0} ms", least(|| synthesise(&model_10, score, 30.0)));
     }
-    for (source, output) in
-        [(10.0, 10.0), (60.0, 10.0), (600.0, 10.0), (10.0, 60.0), (10.0, 600.0), (600.0, 600.0)]
-    {
+    for (source, output) in [
+        (10.0, 10.0),
+        (60.0, 10.0),
+        (600.0, 10.0),
+        (3600.0, 10.0),
+        (10.0, 60.0),
+        (10.0, 600.0),
+        (600.0, 600.0),
+    ] {
         let start = Instant::now();
         let model = model(32_000.0, noise((32_000.0 * source) as usize, 3));
         let made = start.elapsed().as_secs_f64();
@@ -162,14 +177,16 @@ fn queries() {
             "query of 200 in 100,000 frames, 9 lengths, threshold {threshold}: {:.1} ms on {threads} threads, {found} matches",
             least(search),
         );
+        for tolerance in [0.01, 0.1] {
+            let rules = QueryRules { tolerance: Some(tolerance), ..rules };
+            let search = || best_matches(&series, &series, interval, rules, &unmonitored).unwrap_or_default();
+            let found = search().len();
+            println!(
+                "  by iterative deepening, tolerance {tolerance}: {:.1} ms, {found} matches",
+                least(search)
+            );
+        }
     }
-}
-
-/// A folder of the data.
-fn folder(name: &str) -> PathBuf {
-    let data =
-        std::env::var_os("FOLEY_DATA").map_or_else(|| PathBuf::from("../../shared/data"), PathBuf::from);
-    data.join(name)
 }
 
 /// Positions of a joint relative to the root at 60 Hz, of extent 1.
@@ -257,13 +274,6 @@ fn gestures() {
     }
 }
 
-fn load(path: PathBuf) -> Option<(f64, Vec<f32>)> {
-    let file = std::fs::File::open(path).ok()?;
-    let mut reader = AudioReader::open(Box::new(file)).ok()?;
-    let samples = reader.read_mono().ok()?;
-    Some((f64::from(reader.info().rate), samples))
-}
-
 /// Levels and kurtosis of third octaves, and levels of modulation in four bands of octaves, of a sound.
 fn statistics(x: &[f32], rate: f64) -> Vec<f64> {
     let x: Vec<f64> = x.iter().map(|x| f64::from(*x)).collect();
@@ -308,6 +318,27 @@ fn peak_above(x: &[f32], rate: f64) -> f64 {
     10.0 * (high.chunks_exact((0.005 * rate) as usize).map(power).fold(0.0, f64::max) + 1e-15).log10()
 }
 
+/// Root mean square of the differences of two lists of [`statistics`] in levels, kurtosis and modulation.
+fn differences(a: &[f64], b: &[f64], thirds: usize) -> [f64; 3] {
+    let rms = |of: &dyn Fn(usize) -> bool| {
+        let squares: Vec<f64> = (0..a.len()).filter(|k| of(*k)).map(|k| (a[k] - b[k]).powi(2)).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    };
+    [rms(&|k| k < thirds && k % 2 == 0), rms(&|k| k < thirds && k % 2 == 1), rms(&|k| k >= thirds)]
+}
+
+/// The share of segments of 0.25 s of which at least half is heard again within 2 s.
+fn returns(leaves: &[u32], rate: f64) -> f64 {
+    let frames = |seconds: f64| (seconds * rate / 2.0) as usize;
+    let (segment, reach) = (frames(0.25), frames(2.0));
+    let starts = || (0..leaves.len().saturating_sub(segment + reach)).step_by(segment);
+    let comes_back = |start: &usize| {
+        let later: HashSet<u32> = leaves[start + segment..start + segment + reach].iter().copied().collect();
+        2 * leaves[*start..start + segment].iter().filter(|m| later.contains(m)).count() >= segment
+    };
+    starts().filter(comes_back).count() as f64 / starts().count().max(1) as f64
+}
+
 /// Lengths of stretches that are copied, in samples.
 fn runs(leaves: &[u32]) -> Vec<usize> {
     let mut all = vec![2];
@@ -339,8 +370,10 @@ fn recordings() {
     ];
     println!(
         "recording: share of statistics of 30 s within those of the halves and quarters of the source (and of each quarter within the others); \
-         greatest difference of a third octave; peaks above 8 kHz beside the source; longest and median stretch"
+         greatest difference of a third octave; peaks above 8 kHz beside the source; longest and median stretch; \
+         difference from the source (of its halves from each other) in levels, kurtosis, modulation; share of 0.25 s heard again within 2 s, and with repetition 0.1"
     );
+    let mut back = [0.0; 2];
     for name in names {
         let Some((rate, x)) = load(folder("recordings/texture").join(name)) else {
             println!("{name}: not found, skipped");
@@ -374,14 +407,59 @@ fn recordings() {
         let worst = (0..thirds).step_by(2).map(|k| (s[k] - whole[k]).abs()).fold(0.0, f64::max);
         let runs = runs(&leaves);
         let seconds = |n: usize| n as f64 / rate;
+        let (own_kinds, kinds) = (differences(&parts[4], &parts[5], thirds), differences(&s, &whole, thirds));
+        let kinds: Vec<String> =
+            kinds.iter().zip(own_kinds).map(|(a, b)| format!("{a:.2} ({b:.2})")).collect();
+        let rules = SynthesisRules { repetition: 0.1, ..SynthesisRules::default() };
+        let varied = synthesise_by(&model, "", 30.0, rules).1;
+        let heard_again = [returns(&leaves, rate), returns(&varied, rate)];
+        back.iter_mut().zip(heard_again).for_each(|(sum, share)| *sum += share / names.len() as f64);
         println!(
-            "{name}: {:.0} % ({:.0} %); {worst:.1} dB; {:.1} dB, source {:.1} dB; {:.2} s, {:.3} s",
+            "{name}: {:.0} % ({:.0} %); {worst:.1} dB; {:.1} dB, source {:.1} dB; {:.2} s, {:.3} s; {}; {:.0} %, {:.0} %",
             100.0 * within(&s, &parts),
             100.0 * own,
             peak_above(&y, rate),
             peak_above(&x, rate),
             seconds(runs[runs.len() - 1]),
             seconds(runs[runs.len() / 2]),
+            kinds.join(", "),
+            100.0 * heard_again[0],
+            100.0 * heard_again[1],
+        );
+    }
+    println!(
+        "heard again within 2 s, mean: {:.1} %, with repetition 0.1 {:.1} %",
+        100.0 * back[0],
+        100.0 * back[1]
+    );
+}
+
+/// When a change of a score is heard: the first sample that differs, and when the new sound is all that is heard.
+fn reaction() {
+    let rate = 32_000.0;
+    for (wavelet, block) in [(Wavelet::Haar, 0.016), (Wavelet::Db2, 0.04), (Wavelet::Db5, 0.064)] {
+        let rules = TreeRules { wavelet, block: Some(block), ..TreeRules::default() };
+        let tree = tree(rate, noise(320_000, 4), &rules);
+        let span = tree.span(0) as f64 / rate;
+        let model = Arc::new(TextureModel::new(tree, &ThresholdRules::default()));
+        let score = |targets: &str| {
+            format!(
+                "SoundScore(sources: [(name: \"a\", segments: [(1, 4)]), (name: \"b\", segments: [(5, 9)])], targets: [(source: \"a\", from: 0, to: 2), {targets}], pad: 0)"
+            )
+        };
+        let rules = SynthesisRules { look_ahead: 0.0, ..SynthesisRules::default() };
+        let make = |targets| synthesise_by(&model, &score(targets), 4.0, rules.clone());
+        let (before, _, _) = make("(source: \"a\", from: 2, to: 5)");
+        let (after, leaves, _) = make("(source: \"b\", from: 2, to: 5)");
+        let first = before.iter().zip(&after).position(|(a, b)| a != b).unwrap_or(before.len());
+        let wanted = ((5.0 * rate / 2.0) as u32)..((9.0 * rate / 2.0) as u32);
+        let last = leaves.iter().rposition(|m| !wanted.contains(m)).map_or(0, |k| 2 * k + 2);
+        println!(
+            "{wavelet:?}, blocks of {:.0} ms: a change of the score at 2 s changes samples from {:+.0} ms on (bound {:+.0} ms), nothing else is copied from {:+.0} ms on",
+            1e3 * span,
+            1e3 * (first as f64 / rate - 2.0),
+            -1e3 * (wavelet.reach() as f64 + 1.0) * span,
+            1e3 * (last as f64 / rate - 2.0),
         );
     }
 }
@@ -412,6 +490,7 @@ fn direction() {
 pub fn bench() {
     transform();
     textures();
+    reaction();
     queries();
     gestures();
     recordings();

@@ -277,11 +277,12 @@ fn work(
             Ok(Command::Quit) | Err(RecvTimeoutError::Disconnected) => return,
             Err(RecvTimeoutError::Timeout) => {}
         }
-        let played = shared.window.load(Acquire);
-        // One window of each region in turn, so that none starves; commands are polled in between.
+        // One window of each region in turn, so that none starves, until all are as far ahead as they can be: the callback plays on meanwhile.
+        // Commands are polled in between.
         let mut any = true;
         while any && commands.is_empty() {
             any = false;
+            let played = shared.window.load(Acquire);
             for region in &mut regions {
                 any |= region.step(timing, played);
             }

@@ -48,7 +48,8 @@ params! {
     /// of a recording: `PatternResynth` plays the recording from it. Patterns may be of other recordings than the grains; then the sound is
     /// made of other material in the rhythm of the recording.
     ///
-    /// The effort is that of one transform for each grain and each 6,000 to 13,000 samples of sound. A tap of `patterns` as BIN writes a file for
+    /// The effort is at most that of one transform for each grain and each 6,000 to 13,000 samples of sound; where the frequencies of both show that no peak
+    /// would be retained, there is none. A tap of `patterns` as BIN writes a file for
     /// `CorrelationPatternsFile`.
     ///
     /// # Source
@@ -104,6 +105,7 @@ impl GrainCorrelateParams {
             absolute: self.polarity == Polarity::Absolute,
             floor: self.floor,
             cross_component: self.cross_component,
+            ..CorrelateRules::default()
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Correlation of recordings with grains, and the patterns of grains that it finds.
 
+mod bounds;
 pub mod correlation_patterns_file;
 mod file;
 pub mod grain_correlate;

@@ -1,6 +1,7 @@
 //! Peaks of the normalised cross-correlation of one grain.
 
-use super::transform::Blocks;
+use super::bounds::SEGMENT;
+use super::transform::{Blocks, Buffers};
 use crate::dsp::db_to_linear;
 
 /// What a correlation is divided by, and when it is 0.
@@ -58,6 +59,12 @@ impl Normaliser {
         common.max(self.floor * (len as f64).sqrt())
     }
 
+    /// As [`Self::least`], found in parts of `count`, since it is closer for few windows.
+    #[must_use]
+    pub fn least_of(&self, t: usize, count: usize, len: usize) -> f64 {
+        (t..t + count).step_by(BLOCK).map(|t| self.least(t, BLOCK, len)).fold(f64::INFINITY, f64::min)
+    }
+
     /// The mean square under a window of a grain.
     #[must_use]
     pub fn weighted_power(x: &[f32], window: impl Iterator<Item = f64>) -> f64 {
@@ -77,10 +84,14 @@ pub struct Scores {
     tops: Vec<f32>,
     /// Answers of the greedy choice so far.
     choices: Vec<Option<bool>>,
+    /// Blocks of transforms that are computed.
+    transformed: Vec<bool>,
 }
 
 impl Scores {
-    fn reset(&mut self, len: usize) {
+    fn reset(&mut self, len: usize, transforms: usize) {
+        self.transformed.clear();
+        self.transformed.resize(transforms, false);
         self.values.resize(len.max(self.values.len()), 0.0);
         self.tops.clear();
         self.tops.resize(len.div_ceil(BLOCK), -1.0);
@@ -89,10 +100,19 @@ impl Scores {
     }
 }
 
+/// Transforms by which correlations are computed where they are needed.
+pub struct Transforms<'a> {
+    pub blocks: &'a Blocks,
+    /// With the spectrum of the grain.
+    pub buffers: &'a mut Buffers,
+    /// Bounds of the normalised correlation in each [`SEGMENT`] of outputs; none where they are not known.
+    pub bounds: &'a [f32],
+}
+
 /// The correlation of a grain with part of a recording.
 pub struct GrainCorrelation<'a> {
-    /// `sum_n x[t + n] g[n]` for `t` from `first` on.
-    pub y: &'a [f32],
+    /// `sum_n x[t + n] g[n]` for `t` from `first` on, where it is computed.
+    pub y: &'a mut [f32],
     pub first: usize,
     /// Samples and norm of the grain.
     pub len: usize,
@@ -100,8 +120,8 @@ pub struct GrainCorrelation<'a> {
     pub normaliser: &'a Normaliser,
     /// Take peaks of the magnitude.
     pub absolute: bool,
-    /// The transforms that computed `y`, whose rounding errors count as if they raised each value; none if it is exact.
-    pub blocks: Option<&'a Blocks>,
+    /// The transforms that compute `y`, whose rounding errors count as if they raised each value; none if it is there and exact.
+    pub transforms: Option<Transforms<'a>>,
     scores: &'a mut Scores,
 }
 
@@ -125,16 +145,38 @@ fn greatest(y: &[f32], absolute: bool) -> f32 {
 impl<'a> GrainCorrelation<'a> {
     /// The correlations `y` from sample `first` on, of a grain of `len` samples and a norm.
     pub fn new(
-        y: &'a [f32],
+        y: &'a mut [f32],
         first: usize,
         (len, norm): (usize, f64),
         normaliser: &'a Normaliser,
         absolute: bool,
-        blocks: Option<&'a Blocks>,
+        transforms: Option<Transforms<'a>>,
         scores: &'a mut Scores,
     ) -> Self {
-        scores.reset(y.len());
-        Self { y, first, len, norm, normaliser, absolute, blocks, scores }
+        scores.reset(y.len(), transforms.as_ref().map_or(0, |t| t.blocks.count()));
+        Self { y, first, len, norm, normaliser, absolute, transforms, scores }
+    }
+
+    /// The first and the last block of transforms that have outputs of a block.
+    fn transforms_of(&self, block: usize) -> Option<[usize; 2]> {
+        let from = block * BLOCK;
+        let last = (from + BLOCK).min(self.y.len()) - 1;
+        self.transforms.as_ref().map(|t| [from, last].map(|k| t.blocks.block_of(k)))
+    }
+
+    /// Returns true if the outputs of a block are computed.
+    fn is_transformed(&self, block: usize) -> bool {
+        self.transforms_of(block).is_none_or(|ends| ends.iter().all(|j| self.scores.transformed[*j]))
+    }
+
+    /// Computes the outputs of a block, unless they are there.
+    fn transform(&mut self, block: usize) {
+        for j in self.transforms_of(block).into_iter().flatten() {
+            if let Some(transforms) = self.transforms.as_mut().filter(|_| !self.scores.transformed[j]) {
+                transforms.blocks.fill(j, transforms.buffers, self.y);
+                self.scores.transformed[j] = true;
+            }
+        }
     }
 
     /// Computes a block, unless it is there.
@@ -142,6 +184,7 @@ impl<'a> GrainCorrelation<'a> {
         if self.scores.tops.get(block).is_none_or(|top| *top >= 0.0) {
             return;
         }
+        self.transform(block);
         let from = block * BLOCK;
         let to = (from + BLOCK).min(self.y.len());
         let mut top = 0.0_f32;
@@ -164,7 +207,7 @@ impl<'a> GrainCorrelation<'a> {
 
     /// Rounding error of `y` at a sample of the recording, relative to the norm of the grain.
     fn noise(&self, t: usize) -> f64 {
-        self.blocks.map_or(0.0, |blocks| ROUNDING * f64::from(blocks.norm_at(t - self.first)))
+        self.transforms.as_ref().map_or(0.0, |of| ROUNDING * f64::from(of.blocks.norm_at(t - self.first)))
     }
 
     /// Rounding error of the normalised correlation at a sample.
@@ -179,13 +222,20 @@ impl<'a> GrainCorrelation<'a> {
     }
 
     /// Returns true if no correlation of a block reaches `least`, whatever the rounding errors.
-    fn is_below(&self, block: usize, least: f64) -> bool {
+    fn is_below(&mut self, block: usize, least: f64) -> bool {
         let from = block * BLOCK;
-        let part = &self.y[from..(from + BLOCK).min(self.y.len())];
+        let count = BLOCK.min(self.y.len() - from);
         let t = self.first + from;
-        let noise = self.noise(t).max(self.noise(t + part.len() - 1));
-        let bound = (least * self.normaliser.least(t, part.len(), self.len) - noise) * self.norm;
-        let top = greatest(part, self.absolute);
+        let noise = self.noise(t).max(self.noise(t + count - 1));
+        let norm = self.normaliser.least(t, count, self.len);
+        let known = self.transforms.as_ref().and_then(|of| of.bounds.get(from / SEGMENT));
+        // What a transform computes may be off by the noise, and is raised by it.
+        if known.is_some_and(|c| f64::from(*c) + 2.0 * noise / norm < least) && !self.is_transformed(block) {
+            return true;
+        }
+        self.transform(block);
+        let bound = (least * norm - noise) * self.norm;
+        let top = greatest(&self.y[from..from + count], self.absolute);
         f64::from(top) < bound || top <= 0.0
     }
 
@@ -277,6 +327,7 @@ impl<'a> GrainCorrelation<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::bounds::SegmentBands;
     use super::*;
     use crate::core::random::Rng;
 
@@ -315,7 +366,7 @@ mod tests {
             let len = 20 + rng.below(150);
             let from = rng.below(n - len);
             let g = x[from..from + len].to_vec();
-            let y: Vec<f32> = (0..=n - len)
+            let mut y: Vec<f32> = (0..=n - len)
                 .map(|t| {
                     x[t..].iter().zip(&g).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>() as f32
                 })
@@ -323,10 +374,10 @@ mod tests {
             let normaliser = Normaliser::new(&x, -70.0, false);
             let mut scores = Scores::default();
             let mut all =
-                GrainCorrelation::new(&y, 0, (len, norm(&g)), &normaliser, false, None, &mut scores);
+                GrainCorrelation::new(&mut y, 0, (len, norm(&g)), &normaliser, false, None, &mut scores);
             let apart = if trial % 2 == 0 { len / 2 } else { 3 };
             let mut found = Vec::new();
-            all.taken(0..y.len(), apart, |_| 0.1, |_, t, c| found.push((t, c)));
+            all.taken(0..n - len + 1, apart, |_| 0.1, |_, t, c| found.push((t, c)));
             let want = greedy(&x, &g, apart, 0.1);
             assert_eq!(
                 found.iter().map(|p| p.0).collect::<Vec<_>>(),
@@ -335,6 +386,48 @@ mod tests {
             assert!(found.iter().zip(&want).all(|(a, b)| (a.1 - b.1).abs() < 1e-6 && a.1 <= 1.0 + 1e-6));
             assert!(found.iter().any(|(t, c)| *t == from && *c > 0.999));
         }
+    }
+
+    /// Maxima of a grain in a signal by transforms, and how many of the transforms were computed.
+    fn by_transforms(x: &[f32], g: &[f32], is_bounded: bool) -> (Vec<(usize, f64)>, [usize; 2]) {
+        let outputs = x.len() - g.len() + 1;
+        let (blocks, normaliser) = (Blocks::new(x, outputs, g.len(), 2048), Normaliser::new(x, -70.0, false));
+        let (mut buffers, bands) = (blocks.buffers(), SegmentBands::new(x, outputs, g.len()));
+        let own = bands.of_grain(g, &mut bands.buffers());
+        let bound = |k: usize| {
+            let least = normaliser.least_of(k * SEGMENT, SEGMENT, g.len()) * norm(g);
+            1.0001 * bands.bound(k, &own) / least as f32
+        };
+        let bounds: Vec<f32> = if is_bounded { (0..bands.len()).map(bound).collect() } else { Vec::new() };
+        blocks.transform(g, &mut buffers);
+        let (mut y, mut scores, mut found) = (vec![0.0; outputs], Scores::default(), Vec::new());
+        let transforms = Transforms { blocks: &blocks, buffers: &mut buffers, bounds: &bounds };
+        let of = (g.len(), norm(g));
+        let mut all = GrainCorrelation::new(&mut y, 0, of, &normaliser, false, Some(transforms), &mut scores);
+        all.taken(0..outputs, g.len() / 2, |_| 0.4, |_, t, c| found.push((t, c)));
+        let computed = scores.transformed.iter().filter(|is_computed| **is_computed).count();
+        (found, [computed, scores.transformed.len()])
+    }
+
+    #[test]
+    fn transforms_are_left_out_only_where_nothing_is_found() {
+        let mut rng = Rng::new(12);
+        let mut pruned = 0;
+        for trial in 0..6 {
+            // A low tone with noise, and one stretch that is like the grain.
+            let mut x: Vec<f32> =
+                (0..20_000).map(|k| ((0.03 * k as f64).sin() + rng.between(-0.05, 0.05)) as f32).collect();
+            let g: Vec<f32> = (0..300 + 50 * trial)
+                .map(|k| ((0.9 * k as f64).sin() + rng.between(-0.2, 0.2)) as f32)
+                .collect();
+            x[11_000..11_000 + g.len()].iter_mut().zip(&g).for_each(|(x, g)| *x += 0.7 * g);
+            let ((all, _), (few, [computed, count])) =
+                (by_transforms(&x, &g, false), by_transforms(&x, &g, true));
+            assert_eq!(all, few);
+            assert!(few.iter().any(|(t, _)| *t == 11_000), "{few:?}");
+            pruned += count - computed;
+        }
+        assert!(pruned > 30, "{pruned}");
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! The best grains for each part of each recording.
 
+use super::bounds::{BandBuffers, SEGMENT, SegmentBands};
 use super::patterns::{
     CorrelationPatterns, PATTERNS_VERSION, Pattern, Peak, stored_correlation, stored_gain,
 };
-use super::peaks::{GrainCorrelation, Normaliser, Scores};
+use super::peaks::{GrainCorrelation, Normaliser, Scores, Transforms};
 use super::transform::{Blocks, best_size};
 use crate::core::computation::Partial;
 use crate::grain::dictionary::GrainDictionary;
@@ -38,6 +39,8 @@ pub struct CorrelateRules {
     pub floor: f64,
     /// Correlate steady parts with transient grains and so on.
     pub cross_component: bool,
+    /// Leave out transforms of blocks where the energies of bands of frequencies show that no peak is retained. The result is the same.
+    pub prune: bool,
 }
 
 impl Default for CorrelateRules {
@@ -49,6 +52,7 @@ impl Default for CorrelateRules {
             absolute: false,
             floor: -70.0,
             cross_component: false,
+            prune: true,
         }
     }
 }
@@ -59,6 +63,9 @@ const SECTION: usize = 1 << 18;
 const GRAINS_AT_ONCE: usize = 256;
 /// Difference of correlations below which both are computed again in double precision.
 const NEAR: f64 = 1e-5;
+
+/// Rounding of the bounds, relative to them.
+const ROUNDING: f64 = 1e-4;
 
 /// A peak before it is computed in double precision.
 #[derive(Clone, Copy, Debug)]
@@ -160,6 +167,27 @@ impl Progress<'_> {
     }
 }
 
+/// Bounds of the normalised correlation of each grain with each [`SEGMENT`] of outputs from sample `first` of a recording on, whose samples these are.
+fn bounds(
+    samples: &[f32],
+    first: usize,
+    outputs: usize,
+    bucket: &Bucket,
+    normaliser: &Normaliser,
+) -> Vec<Vec<f32>> {
+    let bands = SegmentBands::new(samples, outputs, bucket.max_len);
+    let of_shape = |buffers: &mut BandBuffers, shape: &Shape| {
+        let own = bands.of_grain(&shape.samples, buffers);
+        let of_segment = |segment: usize| {
+            let least = normaliser.least_of(first + segment * SEGMENT, SEGMENT, shape.samples.len());
+            let bound = f64::from(bands.bound(segment, &own)) * (1.0 + ROUNDING) / (least * shape.norm);
+            bound as f32
+        };
+        (0..bands.len()).map(of_segment).collect::<Vec<f32>>()
+    };
+    bucket.shapes.par_iter().map_init(|| bands.buffers(), of_shape).collect()
+}
+
 /// Candidates of all grains of one bucket in one recording; `None` if it was stopped.
 fn search(
     x: &[f32],
@@ -176,27 +204,37 @@ fn search(
         let first = start.saturating_sub(2 * bucket.max_len);
         let last = (end + 2 * bucket.max_len).min(x.len());
         let samples = &x[first..(last + bucket.max_len - 1).min(x.len())];
-        let blocks = Blocks::new(samples, last - first, bucket.max_len, bucket.size);
-        for shapes in bucket.shapes.chunks(GRAINS_AT_ONCE) {
+        let outputs = last - first;
+        let blocks = Blocks::new(samples, outputs, bucket.max_len, bucket.size);
+        let bounds = rules.prune.then(|| bounds(samples, first, outputs, bucket, normaliser));
+        // Grains that may correlate best come first: they raise the least correlation that is retained.
+        let mut order: Vec<usize> = (0..bucket.shapes.len()).collect();
+        if let Some(bounds) = &bounds {
+            let total: Vec<f32> = bounds.iter().map(|of| of.iter().sum()).collect();
+            order.sort_by(|a, b| total[*b].total_cmp(&total[*a]));
+        }
+        for shapes in order.chunks(GRAINS_AT_ONCE) {
             let found: Vec<Vec<Candidate>> = shapes
                 .par_iter()
                 .map_init(
                     || (blocks.buffers(), Vec::new(), Scores::default()),
                     |(buffers, y, scores), shape| {
+                        let bounds = bounds.as_ref().map_or(&[][..], |bounds| &bounds[*shape]);
+                        let shape = &bucket.shapes[*shape];
                         let len = shape.samples.len();
                         if len > x.len() || shape.norm <= 0.0 {
                             return Vec::new();
                         }
-                        blocks.correlate(&shape.samples, buffers, y);
+                        blocks.transform(&shape.samples, buffers);
                         // Only whole windows count.
-                        y.truncate((x.len() - len + 1).saturating_sub(first));
+                        y.resize(outputs.min((x.len() - len + 1).saturating_sub(first)), 0.0);
                         let mut correlation = GrainCorrelation::new(
                             y,
                             first,
                             (len, shape.norm),
                             normaliser,
                             rules.absolute,
-                            Some(&blocks),
+                            Some(Transforms { blocks: &blocks, buffers, bounds }),
                             scores,
                         );
                         candidates(&mut correlation, start..end, shape.grain, slots, rules)
@@ -293,14 +331,19 @@ fn select(
     of_slot.par_iter().flat_map_iter(peaks).collect()
 }
 
-/// Memory of [`correlate`] beside its inputs, in bytes: known before it begins, and independent of the number of grains.
+/// Memory of [`correlate`] beside its inputs, in bytes, known before it begins.
 #[must_use]
 pub fn memory(dictionary: &GrainDictionary, longest: usize, threads: usize) -> usize {
     let max_len = dictionary.grains.iter().map(|g| g.window_len()).max().unwrap_or(0);
     let outputs = SECTION.min(longest) + 4 * max_len;
     let size = best_size(max_len);
     let grains: usize = dictionary.grains.iter().map(|g| 4 * g.window_len()).sum();
-    Blocks::bytes(outputs, max_len, size) + threads * (9 * outputs + 24 * size) + 8 * longest + grains
+    let bounds = dictionary.grains.len() * 4 * outputs.div_ceil(SEGMENT);
+    bounds
+        + Blocks::bytes(outputs, max_len, size)
+        + threads * (9 * outputs + 24 * size)
+        + 8 * longest
+        + grains
 }
 
 /// The patterns of the first parts, if an interrupted computation left them.
@@ -323,7 +366,7 @@ fn resumed(parts: &[(&GrainRecording, &Part)], partial: &dyn Partial) -> Vec<Pat
 /// `None`. Finished patterns are offered to `partial`, and it goes on from those that are there.
 ///
 /// # Complexity
-/// One inverse transform for each grain and each block of a recording; [`memory`] states the memory. Peaks are compared over sections of
+/// At most one inverse transform for each grain and each block of a recording; [`memory`] states the memory. Peaks are compared over sections of
 /// 262,144 samples and two grains beyond.
 ///
 /// # Source

@@ -7,6 +7,9 @@ use std::sync::Arc;
 /// Sizes of transforms.
 const SIZES: std::ops::RangeInclusive<u32> = 9..=16;
 
+/// Share by which the work of twice the size counts more: of smaller blocks more are left out.
+const COARSENESS: f64 = 0.08;
+
 /// Size of the transform that takes the least work a sample for grains of up to `len` samples: `N log N / (N - len + 1)`.
 #[must_use]
 pub fn best_size(len: usize) -> usize {
@@ -14,7 +17,7 @@ pub fn best_size(len: usize) -> usize {
         let n = (1_usize << log) as f64;
         // Beyond 2^14 the spectra leave the cache of a core.
         let cache = if log > 14 { 1.3 } else { 1.0 };
-        cache * n * f64::from(log) / (n - len as f64 + 1.0).max(1e-3)
+        cache * (1.0 + COARSENESS).powi(log as i32) * n * f64::from(log) / (n - len as f64 + 1.0).max(1e-3)
     };
     let fits = SIZES.filter(|log| 1_usize << log >= 2 * len.max(1));
     let best = fits.min_by(|a, b| cost(*a).total_cmp(&cost(*b)));
@@ -73,7 +76,7 @@ impl Blocks {
         Self { size, step, outputs, forward, inverse, spectra, norms }
     }
 
-    /// Buffers for [`Self::correlate`].
+    /// Buffers of a thread.
     #[must_use]
     pub fn buffers(&self) -> Buffers {
         let scratch = self.inverse.get_scratch_len().max(self.forward.get_scratch_len());
@@ -85,39 +88,56 @@ impl Blocks {
         }
     }
 
-    /// Computes `y[t] = sum_n x[t + n] g[n]` for all outputs.
-    ///
-    /// # Complexity
-    /// One transform for the grain and one inverse transform for each block.
-    pub fn correlate(&self, grain: &[f32], buffers: &mut Buffers, y: &mut Vec<f32>) {
-        let Buffers { input, grain: spectrum, product, scratch } = buffers;
-        y.clear();
+    /// Transforms a grain, for [`Self::fill`].
+    pub fn transform(&self, grain: &[f32], buffers: &mut Buffers) {
+        let Buffers { input, grain: spectrum, scratch, .. } = buffers;
         input.fill(0.0);
         let len = grain.len().min(self.size);
         input[..len].copy_from_slice(&grain[..len]);
-        let forward_scratch = &mut scratch[..self.forward.get_scratch_len()];
-        let transformed = self.forward.process_with_scratch(input, spectrum, forward_scratch);
+        let scratch = &mut scratch[..self.forward.get_scratch_len()];
+        // Lengths agree by construction.
+        if self.forward.process_with_scratch(input, spectrum, scratch).is_err() {
+            spectrum.fill(Complex::default());
+        }
         let scale = 1.0 / self.size as f32;
         spectrum.iter_mut().for_each(|g| *g = g.conj() * scale);
-        for (j, block) in self.spectra.iter().enumerate() {
-            for ((p, x), g) in product.iter_mut().zip(block).zip(spectrum.iter()) {
-                *p = Complex::new(x.re * g.re - x.im * g.im, x.re * g.im + x.im * g.re);
-            }
-            let inverse_scratch = &mut scratch[..self.inverse.get_scratch_len()];
-            let inverted = self.inverse.process_with_scratch(product, input, inverse_scratch);
-            // Lengths agree by construction; the first and the last bin of real signals are real.
-            if transformed.is_err() || inverted.is_err() {
-                input.fill(0.0);
-            }
-            let count = self.step.min(self.outputs - j * self.step);
-            y.extend_from_slice(&input[..count]);
+    }
+
+    /// The number of blocks.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.spectra.len()
+    }
+
+    /// The block of an output.
+    #[must_use]
+    pub fn block_of(&self, t: usize) -> usize {
+        t / self.step
+    }
+
+    /// Computes `y[t] = sum_n x[t + n] g[n]` for the outputs `t` of block `j` that `y`, which begins with output 0, has.
+    ///
+    /// # Complexity
+    /// One inverse transform.
+    pub fn fill(&self, j: usize, buffers: &mut Buffers, y: &mut [f32]) {
+        let Buffers { input, grain: spectrum, product, scratch } = buffers;
+        for ((p, x), g) in product.iter_mut().zip(&self.spectra[j]).zip(spectrum.iter()) {
+            *p = Complex::new(x.re * g.re - x.im * g.im, x.re * g.im + x.im * g.re);
         }
+        let scratch = &mut scratch[..self.inverse.get_scratch_len()];
+        // Lengths agree by construction; the first and the last bin of real signals are real.
+        if self.inverse.process_with_scratch(product, input, scratch).is_err() {
+            input.fill(0.0);
+        }
+        let from = (j * self.step).min(y.len());
+        let to = (from + self.step).min(self.outputs).min(y.len());
+        y[from..to].copy_from_slice(&input[..to - from]);
     }
 
     /// Norm of the samples of the block that has output `t`: its rounding errors are relative to it.
     #[must_use]
     pub fn norm_at(&self, t: usize) -> f32 {
-        self.norms.get(t / self.step).copied().unwrap_or(0.0)
+        self.norms.get(self.block_of(t)).copied().unwrap_or(0.0)
     }
 
     /// Bytes of the spectra of a signal.
@@ -140,9 +160,9 @@ mod tests {
             let g: Vec<f32> = (0..len).map(|_| rng.between(-1.0, 1.0) as f32).collect();
             let outputs = x.len() - len + 1;
             let blocks = Blocks::new(&x, outputs, len, size);
-            let mut y = Vec::new();
-            blocks.correlate(&g, &mut blocks.buffers(), &mut y);
-            assert_eq!(y.len(), outputs);
+            let (mut y, mut buffers) = (vec![f32::NAN; outputs], blocks.buffers());
+            blocks.transform(&g, &mut buffers);
+            (0..blocks.count()).for_each(|j| blocks.fill(j, &mut buffers, &mut y));
             let norm = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
             for (t, y) in y.iter().enumerate() {
                 let direct: f64 = x[t..].iter().zip(&g).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
@@ -154,6 +174,6 @@ mod tests {
 
     #[test]
     fn sizes_grow_with_the_grains() {
-        assert_eq!([300, 1126, 3000, 100_000].map(best_size), [2048, 16_384, 16_384, 262_144]);
+        assert_eq!([300, 1126, 3000, 100_000].map(best_size), [2048, 8192, 16_384, 262_144]);
     }
 }

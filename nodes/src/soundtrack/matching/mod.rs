@@ -1,5 +1,6 @@
 //! Motions that are alike: queries for one motion, and paths of fragments from one animation to another.
 
+mod deepening;
 mod dtw;
 pub mod fragment_path;
 pub mod fragments;

@@ -23,7 +23,8 @@ params! {
     /// overlap a more similar one are left out.
     ///
     /// # Source
-    /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 5.2. The similarity is a choice; the search is exact.
+    /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 5.2. The similarity is a choice; the search is exact
+    /// without `tolerance`.
     pub struct MotionQueryParams {
         /// The query.
         [group] query: QueryParams;
@@ -33,6 +34,9 @@ params! {
         optimal: bool = false;
         /// Greatest number of matches, the most similar ones; None for all.
         count: Option<usize> = None, unit "", range 1..=1_000_000;
+        /// Leave out parts by the distances of their piecewise means, as the paper does: the share of similar parts that may be missed. None: search
+        /// exactly, which is about as fast.
+        tolerance: Option<f64> = None, unit "", range 0.000001..=0.5;
     }
 }
 ports! {
@@ -60,7 +64,12 @@ impl Func for MotionQuery {
     const NAME: &'static str = "MotionQuery";
 
     fn eval(p: &MotionQueryParams, cx: &Build<'_>, mut io: MotionQueryIo<'_>) -> Result<Summary, Fault> {
-        let rules = QueryRules { exhaustive: p.exhaustive, count: p.count, ..p.query.rules() };
+        let rules = QueryRules {
+            exhaustive: p.exhaustive,
+            count: p.count,
+            tolerance: p.tolerance,
+            ..p.query.rules()
+        };
         let source = io.source.unwrap_or(io.motion);
         let interval = p.query.interval();
         let found = match p.optimal {

@@ -34,6 +34,8 @@ pub struct QueryRules {
     pub exhaustive: bool,
     /// Greatest number of matches, the most similar ones; `None` for all.
     pub count: Option<usize>,
+    /// Share of similar intervals that iterative deepening may miss; `None` for the exact search.
+    pub tolerance: Option<f64>,
 }
 
 impl Default for QueryRules {
@@ -46,6 +48,7 @@ impl Default for QueryRules {
             normalisation: Normalisation::Offset,
             exhaustive: false,
             count: None,
+            tolerance: None,
         }
     }
 }
@@ -107,8 +110,12 @@ pub struct Scratch {
     pub normal: Vec<(f32, f32)>,
     /// Extremes of the means of neighbouring windows.
     pub means: Vec<Option<[f32; 2]>>,
-    window: Vec<f32>,
-    rows: [Vec<f64>; 2],
+    /// The window that was written last.
+    pub window: Vec<f32>,
+    /// Piecewise means of it.
+    pub pieces: Vec<f32>,
+    /// Rows of dynamic time warping.
+    pub rows: [Vec<f64>; 2],
 }
 
 /// Frames that the first bound is taken of.
@@ -263,7 +270,7 @@ impl Pattern {
     }
 
     /// Writes a window that is normalised.
-    fn write(&self, grid: &Grid, window: &[f32], scratch: &mut Scratch) {
+    pub fn write(&self, grid: &Grid, window: &[f32], scratch: &mut Scratch) {
         let Scratch { normal, window: out, .. } = scratch;
         out.clear();
         for j in 0..self.frames {
@@ -286,6 +293,11 @@ impl Pattern {
     /// The squared distance of a window, if it does not exceed `most`.
     pub fn distance(&self, grid: &Grid, window: &[f32], scratch: &mut Scratch, most: f64) -> Option<f64> {
         self.write(grid, window, scratch);
+        self.written_distance(scratch, most)
+    }
+
+    /// The squared distance of the window that was written last, if it does not exceed `most`.
+    pub fn written_distance(&self, scratch: &mut Scratch, most: f64) -> Option<f64> {
         let Scratch { window, rows, .. } = scratch;
         squared_distance(&self.values, window, self.channels, self.radius, most, rows)
     }

@@ -1,5 +1,6 @@
 //! A query over a motion.
 
+use super::deepening::Deepening;
 use super::dtw::envelope;
 use super::matches::MotionMatch;
 use super::pattern::{COARSE, Grid, Normalisation, Pattern, QueryError, QueryRules, Scratch, normaliser};
@@ -19,6 +20,8 @@ pub struct Query<'a> {
     gaps: Vec<u32>,
     /// Extremes of the motion from each frame to [`BLOCK`] frames later, by channel.
     extremes: Vec<[f32; 2]>,
+    /// Leaves out windows, with a tolerance.
+    deepening: Option<Deepening>,
 }
 
 /// Extremes from each frame to [`BLOCK`] frames later: those within half of it of the frame in the middle.
@@ -63,7 +66,11 @@ impl<'a> Query<'a> {
             total += *g;
             *g = total;
         });
-        Ok(Self { curve, pattern, sums, gaps, extremes: ahead(curve) })
+        let mut query = Self { curve, pattern, sums, gaps, extremes: ahead(curve), deepening: None };
+        let grids = query.grids();
+        let tolerance = rules.tolerance.filter(|_| !grids.is_empty());
+        query.deepening = tolerance.map(|tolerance| Deepening::learn(&query, &grids, tolerance));
+        Ok(query)
     }
 
     /// The lengths of windows.
@@ -91,6 +98,13 @@ impl<'a> Query<'a> {
             normaliser(self.pattern.rules.normalisation, [b[0] - a[0], b[1] - a[1]], grid.len as f64)
         }));
         self.gaps[start + grid.len] == self.gaps[start]
+    }
+
+    /// The squared distance of the window that [`full_bound`](Pattern::full_bound) has written, if it does not exceed `most` and is not left out by
+    /// its piecewise means.
+    pub fn distance(&self, scratch: &mut Scratch, most: f64) -> Option<f64> {
+        let is_left = self.deepening.as_ref().is_none_or(|deepening| deepening.passes(scratch));
+        if is_left { self.pattern.written_distance(scratch, most) } else { None }
     }
 
     /// A lower bound of the squared distances of up to [`BLOCK`] windows with consecutive starts. It stops above `most`.

@@ -34,7 +34,7 @@ impl QueryParams {
     #[must_use]
     pub fn rules(&self) -> QueryRules {
         let Self { threshold, shortest, longest, radius, normalisation, .. } = *self;
-        QueryRules { shortest, longest, threshold, radius, normalisation, exhaustive: false, count: None }
+        QueryRules { shortest, longest, threshold, radius, normalisation, ..QueryRules::default() }
     }
 
     /// Parameters of a trial, for motions of eight seconds and more.

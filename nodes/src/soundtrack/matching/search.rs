@@ -127,10 +127,8 @@ pub fn best_matches(
             }
             Step::Full => {
                 query.normalise(grid, at, &mut scratch);
-                query
-                    .pattern
-                    .distance(grid, query.window(grid, at), &mut scratch, most)
-                    .map(|squared| (squared, Step::Exact))
+                query.pattern.write(grid, query.window(grid, at), &mut scratch);
+                query.distance(&mut scratch, most).map(|squared| (squared, Step::Exact))
             }
         };
         if let Some((bound, step)) = next {
@@ -159,7 +157,7 @@ fn best_match(
     let compare = |g: usize, start: usize, scratch: &mut Scratch| {
         let (grid, window) = (&grids[g], query.window(&grids[g], start));
         query.pattern.full_bound(grid, window, scratch, most())?;
-        let squared = query.pattern.distance(grid, window, scratch, most())?;
+        let squared = query.distance(scratch, most())?;
         least.fetch_min(squared.to_bits(), Ordering::Relaxed);
         Some((squared.to_bits(), start, grids[g].len, g))
     };
@@ -202,7 +200,8 @@ fn best_match(
 /// Curves and queries that cannot be compared, and queries that are flat.
 ///
 /// # Complexity
-/// Frames times lengths; a window costs a few comparisons, unless it is nearly similar. Lower bounds leave nothing out.
+/// Frames times lengths; a window costs a few comparisons, unless it is nearly similar. Lower bounds leave nothing out; with a `tolerance` windows
+/// may be left out by their piecewise means too.
 ///
 /// # Source
 /// Cardle et al., "Sound-by-Numbers" (SCA 2003), section 5.2. Keogh and Ratanamahatana, "Exact indexing of dynamic time warping" (KAIS 7, 2005),
@@ -227,8 +226,7 @@ pub fn find_matches(
                 return None;
             }
             query.pattern.full_bound(grid, query.window(grid, start), scratch, query.pattern.most)?;
-            let squared =
-                query.pattern.distance(grid, query.window(grid, start), scratch, query.pattern.most)?;
+            let squared = query.distance(scratch, query.pattern.most)?;
             Some(query.found(grid, start, squared))
         },
     )

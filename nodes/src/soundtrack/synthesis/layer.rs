@@ -14,7 +14,7 @@ use std::ops::Range;
 /// Nodes that were chosen lately.
 #[derive(Clone, Debug, Default)]
 pub struct Recent {
-    /// How often each node was chosen.
+    /// How often each node was chosen; empty if that does not matter.
     pub counts: Vec<u16>,
     order: VecDeque<u32>,
     limit: usize,
@@ -91,6 +91,8 @@ pub struct Layer {
     pub first: Vec<u32>,
     /// What was chosen lately, by level.
     pub recent: Vec<Recent>,
+    /// Roots that were chosen lately.
+    pub recent_roots: Recent,
 }
 
 impl Layer {
@@ -99,12 +101,13 @@ impl Layer {
         let tree = &model.tree;
         let (depth, channels) = (tree.depth as usize, tree.channels);
         let history = rules.predecessors.max(rules.root_predecessors).max(1);
-        let recent = |level: usize| {
+        let of_level = |level: usize, nodes: usize| {
             let limit = (rules.memory * tree.rate / tree.span(level) as f64).ceil() as usize;
             let is_used = rules.repetition < 1.0;
-            let counts = vec![0; if is_used { tree.nodes(level) } else { 0 }];
+            let counts = vec![0; if is_used { nodes } else { 0 }];
             Recent { counts, order: VecDeque::new(), limit: if is_used { limit } else { 0 } }
         };
+        let recent = |level: usize| of_level(level, tree.nodes(level));
         Self {
             tree: OutputTree::new(depth, channels, history),
             approximation: vec![0.0; channels],
@@ -112,6 +115,7 @@ impl Layer {
             remaining: Remaining::new(depth, rules.search == CandidateSearch::Narrow),
             first: Vec::new(),
             recent: (0..depth.max(2) - 1).map(recent).collect(),
+            recent_roots: of_level(0, tree.roots()),
         }
     }
 
@@ -180,4 +184,4 @@ impl Mixed {
 }
 
 impl_state!(Recent { counts, order });
-impl_state!(Layer { tree, approximation, each recent });
+impl_state!(Layer { tree, approximation, each recent, recent_roots });

@@ -70,7 +70,7 @@ pub struct SynthesisRules {
     pub bias: WeightBias,
     /// What is heard where two sounds overlap.
     pub overlap: OverlapMode,
-    /// Factor on the chance of a node for each time it was chosen lately; 1 for none.
+    /// Probability that a node remains a candidate, for each time that it was chosen lately; 1 for no preference.
     pub repetition: f64,
     /// How long a choice counts for `repetition`, s.
     pub memory: f64,

@@ -4,6 +4,7 @@ use super::choice::{Best, is_discarded};
 use super::classes::{Classes, are_similar, matches, path, source_value};
 use super::output::{NONE, OutputTree};
 use super::rules::{MatchCount, MatchCriterion, SynthesisRules};
+use crate::core::random::Random;
 use crate::soundtrack::score::{Constraints, NodeSet};
 use crate::soundtrack::wavelet::TextureModel;
 
@@ -30,6 +31,29 @@ pub fn predecessor(model: &TextureModel, level: usize, node: u32, distance: u32)
     }
 }
 
+/// What was chosen lately, and is left out by chance.
+#[derive(Clone, Copy)]
+pub struct Repetition<'a> {
+    /// How often each node was chosen; empty if that does not matter.
+    pub counts: &'a [u16],
+    /// Probability that a node remains, for each time.
+    pub factor: f64,
+    /// Random numbers for the nodes of the output.
+    pub random: &'a Random,
+    /// Kind and number of the node of the output.
+    pub entity: u32,
+    /// Its number.
+    pub index: u64,
+}
+
+impl Repetition<'_> {
+    /// True if a candidate is left out.
+    fn omits(&self, candidate: u32) -> bool {
+        let times = self.counts.get(candidate as usize).copied().unwrap_or(0);
+        times > 0 && self.random.uniform(self.entity, self.index, candidate) >= self.factor.powi(times.into())
+    }
+}
+
 /// One node of the output that is to be matched.
 pub struct Step<'a> {
     pub model: &'a TextureModel,
@@ -48,6 +72,8 @@ pub struct Step<'a> {
     pub longest: Option<f64>,
     /// Candidates that are looked at before all others.
     pub first: &'a [u32],
+    /// What was chosen lately.
+    pub repetition: Repetition<'a>,
 }
 
 impl Step<'_> {
@@ -114,11 +140,22 @@ impl Step<'_> {
     ) -> Option<Best> {
         let admits = |m: u32| is_admitted(m) && self.is_allowed(m);
         let is_enough = |best: &Best| 100 * best.quality() >= self.rules.percent() * beside;
-        let limited = self.best_of(classes, few, beside, |m| admits(m) && !self.is_too_long(m));
-        limited.filter(is_enough).or_else(|| {
-            self.rules.max_run?;
-            self.best_of(classes, few, beside, admits).filter(is_enough)
+        self.limits().find_map(|[repeats, run]| {
+            self.best_of(classes, few, beside, |m| admits(m) && self.is_within(m, [repeats, run]))
+                .filter(is_enough)
         })
+    }
+
+    /// Which limits hold, those on repetition and on the length of a stretch: as many as leave a candidate.
+    fn limits(&self) -> impl Iterator<Item = [bool; 2]> {
+        let (repeats, run) = (!self.repetition.counts.is_empty(), self.rules.max_run.is_some());
+        let all = [[repeats, run], [false, run], [false, false]];
+        (0..all.len()).filter(move |k| *k == 0 || all[*k] != all[k - 1]).map(move |k| all[k])
+    }
+
+    /// True if a candidate is within the limits that hold.
+    fn is_within(&self, candidate: u32, [repeats, run]: [bool; 2]) -> bool {
+        !(run && self.is_too_long(candidate)) && !(repeats && self.repetition.omits(candidate))
     }
 
     fn best_of(
@@ -222,11 +259,20 @@ impl Step<'_> {
 
     /// The best of the candidates that are wanted, and of all others, without those that go on for too long if there are others.
     pub fn pair(&self, classes: &mut Classes, is_wanted: impl Fn(u32) -> bool) -> Pair {
-        let pair = self.pair_of(classes, &is_wanted, |m| self.is_allowed(m) && !self.is_too_long(m));
-        if pair.wanted.is_some() || pair.others.is_some() || self.rules.max_run.is_none() {
-            return pair;
+        let mut pair = Pair::default();
+        for limits in self.limits() {
+            let found =
+                self.pair_of(classes, &is_wanted, |m| self.is_allowed(m) && self.is_within(m, limits));
+            pair.wanted = pair.wanted.or(found.wanted);
+            pair.others = pair.others.or(found.others);
+            // Either kind repeats itself rather than be left out.
+            let kinds = usize::from(pair.wanted.is_some()) + usize::from(pair.others.is_some());
+            if kinds > usize::from(limits[0]) {
+                break;
+            }
         }
-        self.pair_of(classes, &is_wanted, |m| self.is_allowed(m))
+        pair.is_discarded = pair.wanted.is_none() && pair.others.is_some();
+        pair
     }
 
     /// The search ends at the depth from which on the kind that is not found yet would match too badly.
@@ -349,9 +395,9 @@ impl Step<'_> {
             Some(set) => closest(&mut set.iter().filter(|m| is_admitted(*m))),
             None => closest(&mut all().filter(|m| is_admitted(*m))),
         };
-        of(&|m| self.is_allowed(m) && !self.is_too_long(m))
-            .or_else(|| of(&|m| self.is_allowed(m)))
-            .or_else(|| of(&|_| true))
+        let limited =
+            self.limits().find_map(|limits| of(&|m| self.is_allowed(m) && self.is_within(m, limits)));
+        limited.or_else(|| of(&|_| true))
     }
 
     /// The greatest difference of a node of the model and one of the output, over channels.

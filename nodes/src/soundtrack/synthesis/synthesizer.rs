@@ -6,7 +6,7 @@ use super::morph::Morph;
 use super::node_constraints::NodeConstraints;
 use super::output::NONE;
 use super::rules::{SynthesisCounts, SynthesisRules};
-use super::step::Step;
+use super::step::{Repetition, Step};
 use crate::core::random::Random;
 use crate::impl_state;
 use crate::soundtrack::score::{Constraint, Constraints, NodeSet, WeightStream};
@@ -18,6 +18,9 @@ const FEW: usize = 64;
 
 /// The longest stretch is drawn for each root, between this share of it and the whole.
 const SHORTEST_RUN: f64 = 0.25;
+
+/// Entities of the random numbers of omissions, after those of levels.
+const OMISSIONS: u32 = 1 << 16;
 
 /// A texture that grows root by root.
 ///
@@ -127,6 +130,7 @@ impl Synthesizer {
         let wanted = self.wanted(weights, root, 0, 0);
         let picks = self.picks(&wanted, root, 0, 0, true);
         for (layer, pick) in self.layers.iter_mut().zip(picks) {
+            layer.recent_roots.add(pick);
             let channels = layer.approximation.len();
             let k = pick as usize * channels;
             layer.approximation.copy_from_slice(&self.model.tree.approximation[k..k + channels]);
@@ -182,6 +186,7 @@ impl Synthesizer {
             forbidden,
             has_masks,
             first: &[],
+            repetition: Repetition { counts: &[], factor: 1.0, random, entity: 0, index: 0 },
         };
         let best = step.best(classes, None, 0, |_| true)?;
         let all = classes.get(model, tree, level, node, best.ancestors).to_vec();
@@ -240,10 +245,13 @@ impl Synthesizer {
         is_root: bool,
     ) -> u32 {
         let Self { model, constraints, rules, random, layers, counts, has_masks, .. } = self;
-        let Layer { tree, classes, recent, remaining, first, .. } = &mut layers[layer];
+        let Layer { tree, classes, recent, recent_roots, remaining, first, .. } = &mut layers[layer];
         remaining.children(level, node, first);
         let (own, later, distance) = (wanted.own[layer], wanted.later[layer], wanted.distance);
         let longest = longest_run(model, rules, random, root);
+        let index = ((root << level) + node as i64) as u64;
+        let entity = if is_root { 0 } else { level as u32 + 1 };
+        let recent = if is_root { recent_roots } else { &recent[level] };
         let step = Step {
             longest,
             model,
@@ -256,15 +264,17 @@ impl Synthesizer {
             forbidden: &wanted.forbidden,
             has_masks: *has_masks,
             first,
+            repetition: Repetition {
+                counts: &recent.counts,
+                factor: rules.repetition,
+                random,
+                entity: entity + OMISSIONS,
+                index,
+            },
         };
         counts.steps += 1;
-        let index = ((root << level) + node as i64) as u64;
-        let entity = if is_root { 0 } else { level as u32 + 1 };
         let uniform = |lane| random.uniform(entity, index, lane);
-        let weight = |m: u32| match rules.repetition < 1.0 && !is_root {
-            true => rules.repetition.powi(i32::from(recent[level].counts[m as usize])),
-            false => step.continuity(m),
-        };
+        let weight = |m: u32| step.continuity(m);
         let complete = step.depth();
         let mut pick = |best: Best, counts: &mut SynthesisCounts| {
             if !is_root {

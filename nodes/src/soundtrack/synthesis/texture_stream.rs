@@ -10,7 +10,12 @@ use crate::soundtrack::wavelet::{StreamingInverse, TextureModel};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// Entity of the random number of the turn; those of nodes are levels.
+const TURN: u32 = u32::MAX;
+
 /// The audio of a [`Synthesizer`], from any frame on, and where it comes from.
+///
+/// Without weights, blocks are made up to one block earlier than they are needed, by a random time, so that the work of many textures is spread.
 ///
 /// # Example
 /// ```
@@ -41,6 +46,8 @@ pub struct TextureStream {
     first_position: i64,
     /// False before the first frame.
     has_begun: bool,
+    /// Frames by which blocks are made earlier than needed, less than a block.
+    ahead: i64,
 }
 
 impl TextureStream {
@@ -55,7 +62,9 @@ impl TextureStream {
     ) -> Self {
         let tree = &model.tree;
         // What is made before the first frame of a window, and beyond its last.
-        let frames = (2 * tree.wavelet.reach() + 4) << tree.depth;
+        let frames = (2 * tree.wavelet.reach() + 5) << tree.depth;
+        // Textures that begin together take turns: otherwise all would make their blocks in the same windows.
+        let ahead = (random.uniform(TURN, 0, 0) * f64::from(1_u32 << tree.depth)) as i64;
         Self {
             synthesizer: Synthesizer::new(Arc::clone(&model), constraints, rules, random, 0, end),
             inverses: vec![StreamingInverse::new(tree.wavelet, tree.depth); tree.channels],
@@ -64,6 +73,7 @@ impl TextureStream {
             positions: VecDeque::with_capacity(frames / 2),
             first_position: 0,
             has_begun: false,
+            ahead,
             model,
         }
     }
@@ -127,8 +137,10 @@ impl TextureStream {
         let channels = self.audio.len().max(1);
         let frames = (audio.len() / channels) as i64;
         let first_position = (first + 1).div_euclid(2);
+        // Weights are known as far as they are needed.
+        let ahead = if weights.is_some() { 0 } else { self.ahead };
         let is_missing = |own: &Self| {
-            own.first + (own.audio.first().map_or(0, VecDeque::len) as i64) < first + frames
+            own.first + (own.audio.first().map_or(0, VecDeque::len) as i64) < first + frames + ahead
                 || own.first_position + (own.positions.len() as i64) < first_position + positions.len() as i64
         };
         while is_missing(self) {

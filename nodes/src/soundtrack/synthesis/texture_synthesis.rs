@@ -63,7 +63,7 @@ params! {
         /// Longest stretch of a recording that is repeated as it is, unless there is no other choice; None for no limit. Stretches in which one
         /// would go on have random lengths from a quarter of it.
         max_run: Option<f64> = Some(1.0), unit "s", range 0.001..=3600.0;
-        /// Factor on the chance of a node for each time that it was chosen within `memory`; 1 for none.
+        /// Probability that a node remains a candidate, for each time that it was chosen within `memory`, while there are others; 1 for no preference.
         repetition: f64 = 1.0, unit "", range 0.0..=1.0;
         /// How long a choice counts for `repetition`.
         memory: f64 = 2.0, unit "s", range 0.0..=60.0;
@@ -174,6 +174,7 @@ impl Node for TextureSynthesis {
     const NAME: &'static str = "TextureSynthesis";
     const CLASS: Class = Class::Worker;
     const COST: f64 = 100.0;
+    const VERSION: u32 = 2;
 
     fn shape(p: &TextureSynthesisParams, s: &mut Shape<'_, '_, TextureSynthesisPorts>) -> Result<(), Reject> {
         if let Some(weights) = s.optional(TextureSynthesisPorts::weights) {

@@ -129,6 +129,34 @@ fn a_grain_is_found_at_its_origin_and_where_it_was_planted_at_any_gain() {
 }
 
 #[test]
+fn pruning_changes_nothing() {
+    // Sounds of other frequencies, so that most transforms are left out; some are loud and some soft.
+    let tone = |k: u64| {
+        let mut rng = Rng::new(20 + k);
+        let w = 0.05 * 2_f64.powf(0.8 * k as f64);
+        let sample = |t: usize| {
+            let level =
+                (-((t % 4000) as f64) / (500.0 + 200.0 * k as f64)).exp() * if t > 9000 { 0.01 } else { 1.0 };
+            (level * ((w * t as f64).sin() + 0.1 * rng.between(-1.0, 1.0))) as f32
+        };
+        (0..16_000).map(sample).collect::<Vec<f32>>()
+    };
+    let all = recordings((0..5).map(tone).chain([noise(12_000, 50), vec![0.0; 3000]]).collect());
+    let (dictionary, _) = extract(&all, &exact_rules());
+    for rules in [
+        CorrelateRules::default(),
+        CorrelateRules { global: true, absolute: true, ..CorrelateRules::default() },
+        CorrelateRules { retain: Retention::Largest(25), ..CorrelateRules::default() },
+    ] {
+        let of = |prune| {
+            let rules = CorrelateRules { prune, ..rules };
+            correlate(&all, &dictionary, &rules, &|_| false, &NotStored).unwrap()
+        };
+        assert_eq!(of(true), of(false), "{rules:?}");
+    }
+}
+
+#[test]
 fn the_number_of_threads_changes_nothing_and_work_can_be_stopped() {
     let all = recordings(vec![noise(20_000, 7), noise(9000, 8)]);
     let (dictionary, _) = extract(&all, &exact_rules());
@@ -138,6 +166,8 @@ fn the_number_of_threads_changes_nothing_and_work_can_be_stopped() {
         pool.install(|| correlate(&all, &dictionary, &rules, &|_| false, &NotStored).unwrap())
     };
     assert_eq!(of(1), of(3));
+    let unpruned = CorrelateRules { prune: false, ..rules };
+    assert_eq!(of(2), correlate(&all, &dictionary, &unpruned, &|_| false, &NotStored).unwrap());
     assert!(correlate(&all, &dictionary, &rules, &|_| true, &NotStored).is_none());
     assert!(memory(&dictionary, 20_000, 2) > 0);
 }

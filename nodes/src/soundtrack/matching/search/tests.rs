@@ -97,6 +97,39 @@ fn bounds_leave_nothing_out() {
     }
 }
 
+/// Of the matches of the exact search, those that iterative deepening misses.
+#[test]
+fn iterative_deepening_misses_no_more_than_its_tolerance() {
+    for tolerance in [0.01, 0.1, 0.5] {
+        let (mut all, mut missed) = (0, 0);
+        for seed in 0..12 {
+            let channels = 1 + seed as usize % 2;
+            let curve = curve(walk(1200 * channels, 40 + seed), channels);
+            let rules = QueryRules { threshold: 0.35, ..QueryRules::default() };
+            let interval = (2.0, 2.8 + 0.05 * seed as f64);
+            let search = |rules| find_matches(&curve, &curve, interval, rules, &unmonitored).unwrap();
+            let exact = search(rules);
+            let found = search(QueryRules { tolerance: Some(tolerance), ..rules });
+            assert!(found.iter().all(|m| exact.contains(m)));
+            let best = best_matches(
+                &curve,
+                &curve,
+                interval,
+                QueryRules { tolerance: Some(tolerance), ..rules },
+                &unmonitored,
+            );
+            assert_eq!(best.unwrap(), most_similar(found.clone()), "seed {seed}");
+            all += exact.len();
+            missed += exact.len() - found.len();
+        }
+        let share = missed as f64 / all as f64;
+        let deviation = (tolerance * (1.0 - tolerance) / all as f64).sqrt();
+        assert!(all > 1000 && share <= tolerance + 3.0 * deviation, "{tolerance}: {missed} of {all}");
+        // It does leave out windows.
+        assert!(tolerance < 0.5 || missed > 0, "{tolerance}: {missed} of {all}");
+    }
+}
+
 #[test]
 fn planted_repetitions_are_found_and_nothing_else() {
     let mut rng = Rng::new(7);

@@ -477,13 +477,13 @@ fn more_weight_means_more_of_a_sound() {
 fn sounds_that_were_chosen_lately_are_chosen_less() {
     let model = model_of(vec![texture(4000, 1, 3)], TreeFit::Circular, 0.13, 0.4);
     let returns = |repetition: f64| {
-        let rules = SynthesisRules { repetition, memory: 1.0, ..free() };
+        let rules = SynthesisRules { repetition, memory: 2.0, ..free() };
         let (picks, _) = synthesised(&model, &Arc::default(), &rules, 200, 4);
         // Nodes of a middle level that return within a second.
         let level = &picks[4];
         (128..level.len()).filter(|n| level[n - 128..*n].contains(&level[*n])).count()
     };
-    let (without, with) = (returns(1.0), returns(0.05));
+    let (without, with) = (returns(1.0), returns(0.1));
     assert!(2 * with < without, "{with} {without}");
 }
 
