@@ -285,10 +285,8 @@ fn work(
             let played = shared.window.load(Acquire);
             for region in &mut regions {
                 any |= region.step(timing, played);
+                region.report(faults);
             }
-        }
-        for region in &mut regions {
-            region.report(faults);
         }
     }
 }

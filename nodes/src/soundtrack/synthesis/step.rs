@@ -155,7 +155,8 @@ impl Step<'_> {
 
     /// True if a candidate is within the limits that hold.
     fn is_within(&self, candidate: u32, [repeats, run]: [bool; 2]) -> bool {
-        !(run && self.is_too_long(candidate)) && !(repeats && self.repetition.omits(candidate))
+        let exceeds = run && self.is_too_long(candidate) || repeats && self.repetition.omits(candidate);
+        !exceeds
     }
 
     fn best_of(

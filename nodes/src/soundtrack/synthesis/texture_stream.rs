@@ -182,3 +182,47 @@ impl TextureStream {
 }
 
 impl_state!(TextureStream { synthesizer, each inverses, audio, first, positions, first_position, has_begun });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Rng;
+    use crate::soundtrack::wavelet::{ThresholdRules, TreeRecording, TreeRules, WaveletTree};
+
+    #[test]
+    fn textures_make_their_blocks_in_turns_and_sound_the_same() {
+        let mut rng = Rng::new(5);
+        let channel = (0..4000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
+        let recording = TreeRecording { name: "a".into(), content: String::new(), channels: vec![channel] };
+        let rules = TreeRules { block: Some(0.064), ..TreeRules::default() };
+        let tree = WaveletTree::analyse(8000.0, &[recording], &rules).unwrap();
+        let span = tree.span(0);
+        let model = Arc::new(TextureModel::new(tree, &ThresholdRules::default()));
+        let (window, windows) = (span / 8, 32);
+        // The windows in which blocks are made, after the first.
+        let turn = |name: &str| {
+            let random = Random::new(1, name);
+            let rules = SynthesisRules::default();
+            let mut own = TextureStream::new(Arc::clone(&model), Arc::default(), rules.clone(), random, None);
+            let mut plain = TextureStream::new(Arc::clone(&model), Arc::default(), rules, random, None);
+            plain.ahead = 0;
+            let mut turns = Vec::new();
+            for k in 0..windows {
+                let before = own.counts().steps;
+                let [mut a, mut b] = [vec![0.0; window], vec![0.0; window]];
+                own.fill((k * window) as i64, None, &mut a, &mut []);
+                plain.fill((k * window) as i64, None, &mut b, &mut []);
+                assert_eq!(a, b, "{name} {k}");
+                if k > 0 && own.counts().steps > before {
+                    turns.push(k % 8);
+                }
+            }
+            assert!(turns.len() >= 3 && turns.iter().all(|turn| *turn == turns[0]), "{turns:?}");
+            turns[0]
+        };
+        let mut turns: Vec<usize> = ["a", "b", "c", "d", "e", "f", "g", "h"].map(turn).to_vec();
+        turns.sort_unstable();
+        turns.dedup();
+        assert!(turns.len() >= 4, "{turns:?}");
+    }
+}
