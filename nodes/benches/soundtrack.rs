@@ -48,8 +48,11 @@ fn tree(rate: f64, channel: Vec<f32>, rules: &TreeRules) -> WaveletTree {
 }
 
 fn model(rate: f64, channel: Vec<f32>) -> Arc<TextureModel> {
-    let tree = tree(rate, channel, &TreeRules::default());
-    Arc::new(TextureModel::new(tree, &ThresholdRules::default()))
+    model_by(rate, channel, &ThresholdRules::default())
+}
+
+fn model_by(rate: f64, channel: Vec<f32>, rules: &ThresholdRules) -> Arc<TextureModel> {
+    Arc::new(TextureModel::new(tree(rate, channel, &TreeRules::default()), rules))
 }
 
 /// The output of a synthesis, the leaves it was copied from, and the longest time in which as much as one root was made, in ms.
@@ -371,7 +374,8 @@ fn recordings() {
     println!(
         "recording: share of statistics of 30 s within those of the halves and quarters of the source (and of each quarter within the others); \
          greatest difference of a third octave; peaks above 8 kHz beside the source; longest and median stretch; \
-         difference from the source (of its halves from each other) in levels, kurtosis, modulation; share of 0.25 s heard again within 2 s, and with repetition 0.1"
+         difference from the source (of its halves from each other) in levels, kurtosis, modulation; share of 0.25 s heard again within 2 s, and with repetition 0.1; \
+         60 s with quantile 0.01 and continuity 0.15: differences, longest and median stretch"
     );
     let mut back = [0.0; 2];
     for name in names {
@@ -408,14 +412,23 @@ fn recordings() {
         let runs = runs(&leaves);
         let seconds = |n: usize| n as f64 / rate;
         let (own_kinds, kinds) = (differences(&parts[4], &parts[5], thirds), differences(&s, &whole, thirds));
-        let kinds: Vec<String> =
-            kinds.iter().zip(own_kinds).map(|(a, b)| format!("{a:.2} ({b:.2})")).collect();
+        let text = |kinds: [f64; 3]| -> Vec<String> {
+            kinds.iter().zip(own_kinds).map(|(a, b)| format!("{a:.2} ({b:.2})")).collect()
+        };
+        let kinds = text(kinds);
+        // What matches closely, and blocks whose levels go on.
+        let close =
+            model_by(rate, x.clone(), &ThresholdRules { quantile: 0.01, ..ThresholdRules::default() });
+        let rules = SynthesisRules { continuity: Some(0.15), ..SynthesisRules::default() };
+        let (close, close_leaves, _) = synthesise_by(&close, "", 60.0, rules);
+        let close = text(differences(&statistics(&close, rate), &whole, thirds));
+        let close_runs = self::runs(&close_leaves);
         let rules = SynthesisRules { repetition: 0.1, ..SynthesisRules::default() };
         let varied = synthesise_by(&model, "", 30.0, rules).1;
         let heard_again = [returns(&leaves, rate), returns(&varied, rate)];
         back.iter_mut().zip(heard_again).for_each(|(sum, share)| *sum += share / names.len() as f64);
         println!(
-            "{name}: {:.0} % ({:.0} %); {worst:.1} dB; {:.1} dB, source {:.1} dB; {:.2} s, {:.3} s; {}; {:.0} %, {:.0} %",
+            "{name}: {:.0} % ({:.0} %); {worst:.1} dB; {:.1} dB, source {:.1} dB; {:.2} s, {:.3} s; {}; {:.0} %, {:.0} %; {}, stretches {:.2} s, {:.3} s",
             100.0 * within(&s, &parts),
             100.0 * own,
             peak_above(&y, rate),
@@ -425,6 +438,9 @@ fn recordings() {
             kinds.join(", "),
             100.0 * heard_again[0],
             100.0 * heard_again[1],
+            close.join(", "),
+            seconds(close_runs[close_runs.len() - 1]),
+            seconds(close_runs[close_runs.len() / 2]),
         );
     }
     println!(
