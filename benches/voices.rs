@@ -14,7 +14,7 @@ const EACH: usize = 32;
 const RATE: u32 = 48_000;
 const QUANTUM: usize = 256;
 
-/// A graph of all voices, and the impacts that some of them read.
+/// A graph of all voices, and the impacts that some of them read. The sheets are a metre long for each second, so that they touch until the end.
 fn graph(seconds: f64) -> (String, String) {
     let mut impacts = "time_s,object,velocity,mass,hardness,point\n".to_owned();
     for k in 0..(seconds / 0.31) as usize {
@@ -24,8 +24,6 @@ fn graph(seconds: f64) -> (String, String) {
     let mut nodes = String::new();
     let mut voices = Vec::new();
     for k in 0..EACH {
-        // Long enough to touch until the end.
-        let length = seconds;
         let (speed, pitch) = (0.2 + 0.01 * k as f64, 0.5 + k as f64 / EACH as f64);
         let _ = write!(
             nodes,
@@ -34,7 +32,7 @@ fn graph(seconds: f64) -> (String, String) {
             \"stroke{k}\": Stroke(shape: Circle, from: [0.7, 0.7], radius: 0.3, laps: 400, speed: {speed}),
             \"rub{k}\": TwoTextures(paths: \"stroke{k}\", a: \"tiles\", radius: 0.02, mass: 0.1, rate: {RATE}),
             \"scrape{k}\": ModalBank(forces: [\"rub{k}\"], modes: \"modes\", gain: 0.05, pitch: {pitch}),
-            \"sheet{k}\": MeshGenerator(kind: Planes, speed: {speed}, duration: {seconds:?}, size: [{length:?}, 0.2], vertices: [36, 3]),
+            \"sheet{k}\": MeshGenerator(kind: Planes, speed: {speed}, duration: {seconds:?}, size: [{seconds:?}, 0.2], vertices: [36, 3]),
             \"contacts{k}\": ContactDetector(mesh: \"sheet{k}\", radius: 0.02),
             \"speed{k}\": SlidingSpeed(contacts: \"contacts{k}\", gate: Causal, between: Hold, rate: 40),
             \"rustle{k}\": IftNoise(speeds: \"speed{k}\", model: \"model\", rate: {RATE}, motion_at: Start, level: 0.05),
