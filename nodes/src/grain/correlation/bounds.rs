@@ -1,10 +1,12 @@
 //! Bounds of correlations, by the energies of bands of frequencies.
 
+use super::peaks::Normaliser;
+use crate::grain::dictionary::TaperShape;
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use std::sync::Arc;
 
-/// Bands, from a few bins wide to a tenth of the spectrum.
+/// Bands; the highest has a twelfth of the spectrum, the lowest a few bins.
 const BANDS: usize = 64;
 /// Outputs that have one bound.
 pub const SEGMENT: usize = 256;
@@ -13,8 +15,11 @@ const FADE: usize = 64;
 /// First bin that is not in the lowest band.
 const LOWEST: f64 = 4.0;
 
+/// Rounding of the bounds, relative to them.
+const ROUNDING: f64 = 1e-4;
+
 /// Norms of the bands of a signal.
-pub type Bands = [f32; BANDS];
+type Bands = [f32; BANDS];
 
 /// Norms of the bands of segments of a signal, for grains of up to a length.
 ///
@@ -53,18 +58,14 @@ impl SegmentBands {
         let forward = RealFftPlanner::<f32>::new().plan_fft_forward(size);
         let mut own = Self { size, forward, edges, segments: Vec::new() };
         let mut buffers = own.buffers();
-        let fade: Vec<f32> =
-            (0..FADE).map(|k| (k as f32 + 0.5) / FADE as f32).map(|t| t * t * (3.0 - 2.0 * t)).collect();
+        let window: Vec<f32> =
+            TaperShape::HalfSample.window(whole + 2 * FADE, [FADE; 2]).map(|w| w as f32).collect();
         for from in (0..outputs).step_by(SEGMENT) {
             let sample =
                 |k: usize| (from + k).checked_sub(FADE).and_then(|k| x.get(k)).copied().unwrap_or(0.0);
             let input = &mut buffers.input;
             input.fill(0.0);
-            input.iter_mut().take(whole + 2 * FADE).enumerate().for_each(|(k, y)| *y = sample(k));
-            for (k, fade) in fade.iter().enumerate() {
-                input[k] *= fade;
-                input[whole + 2 * FADE - 1 - k] *= fade;
-            }
+            input.iter_mut().zip(&window).enumerate().for_each(|(k, (y, w))| *y = w * sample(k));
             let bands = own.transformed(&mut buffers);
             own.segments.push(bands);
         }
@@ -103,23 +104,15 @@ impl SegmentBands {
     }
 
     /// Norms of the bands of a grain of up to the length.
-    #[must_use]
-    pub fn of_grain(&self, grain: &[f32], buffers: &mut BandBuffers) -> Bands {
+    fn of_grain(&self, grain: &[f32], buffers: &mut BandBuffers) -> Bands {
         buffers.input.fill(0.0);
         let len = grain.len().min(self.size);
         buffers.input[..len].copy_from_slice(&grain[..len]);
         self.transformed(buffers)
     }
 
-    /// The segments.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.segments.len()
-    }
-
     /// The greatest magnitude of the correlation of a grain with a segment, but for the rounding of single precision.
-    #[must_use]
-    pub fn bound(&self, segment: usize, grain: &Bands) -> f32 {
+    fn bound(&self, segment: usize, grain: &Bands) -> f32 {
         let mut lanes = [0.0_f32; 16];
         let (x, g) = (self.segments[segment].as_chunks::<16>().0, grain.as_chunks::<16>().0);
         for (x, g) in x.iter().zip(g) {
@@ -128,6 +121,27 @@ impl SegmentBands {
             }
         }
         lanes.iter().sum()
+    }
+
+    /// Bounds of the normalised correlation of a grain, of this norm, with each segment; output 0 is at sample `first` of the recording.
+    ///
+    /// # Complexity
+    /// A transform, and a product of each band of each segment.
+    #[must_use]
+    pub fn bounds(
+        &self,
+        grain: &[f32],
+        norm: f64,
+        normaliser: &Normaliser,
+        first: usize,
+        buffers: &mut BandBuffers,
+    ) -> Vec<f32> {
+        let own = self.of_grain(grain, buffers);
+        let of_segment = |segment: usize| {
+            let least = normaliser.least_of(first + segment * SEGMENT, SEGMENT, grain.len());
+            (f64::from(self.bound(segment, &own)) * (1.0 + ROUNDING) / (least * norm)) as f32
+        };
+        (0..self.segments.len()).map(of_segment).collect()
     }
 }
 

@@ -393,12 +393,11 @@ mod tests {
         let outputs = x.len() - g.len() + 1;
         let (blocks, normaliser) = (Blocks::new(x, outputs, g.len(), 2048), Normaliser::new(x, -70.0, false));
         let (mut buffers, bands) = (blocks.buffers(), SegmentBands::new(x, outputs, g.len()));
-        let own = bands.of_grain(g, &mut bands.buffers());
-        let bound = |k: usize| {
-            let least = normaliser.least_of(k * SEGMENT, SEGMENT, g.len()) * norm(g);
-            1.0001 * bands.bound(k, &own) / least as f32
+        let bounds = if is_bounded {
+            bands.bounds(g, norm(g), &normaliser, 0, &mut bands.buffers())
+        } else {
+            Vec::new()
         };
-        let bounds: Vec<f32> = if is_bounded { (0..bands.len()).map(bound).collect() } else { Vec::new() };
         blocks.transform(g, &mut buffers);
         let (mut y, mut scores, mut found) = (vec![0.0; outputs], Scores::default(), Vec::new());
         let transforms = Transforms { blocks: &blocks, buffers: &mut buffers, bounds: &bounds };

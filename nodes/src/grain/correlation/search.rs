@@ -1,6 +1,6 @@
 //! The best grains for each part of each recording.
 
-use super::bounds::{BandBuffers, SEGMENT, SegmentBands};
+use super::bounds::{SEGMENT, SegmentBands};
 use super::patterns::{
     CorrelationPatterns, PATTERNS_VERSION, Pattern, Peak, stored_correlation, stored_gain,
 };
@@ -63,9 +63,6 @@ const SECTION: usize = 1 << 18;
 const GRAINS_AT_ONCE: usize = 256;
 /// Difference of correlations below which both are computed again in double precision.
 const NEAR: f64 = 1e-5;
-
-/// Rounding of the bounds, relative to them.
-const ROUNDING: f64 = 1e-4;
 
 /// A peak before it is computed in double precision.
 #[derive(Clone, Copy, Debug)]
@@ -167,27 +164,6 @@ impl Progress<'_> {
     }
 }
 
-/// Bounds of the normalised correlation of each grain with each [`SEGMENT`] of outputs from sample `first` of a recording on, whose samples these are.
-fn bounds(
-    samples: &[f32],
-    first: usize,
-    outputs: usize,
-    bucket: &Bucket,
-    normaliser: &Normaliser,
-) -> Vec<Vec<f32>> {
-    let bands = SegmentBands::new(samples, outputs, bucket.max_len);
-    let of_shape = |buffers: &mut BandBuffers, shape: &Shape| {
-        let own = bands.of_grain(&shape.samples, buffers);
-        let of_segment = |segment: usize| {
-            let least = normaliser.least_of(first + segment * SEGMENT, SEGMENT, shape.samples.len());
-            let bound = f64::from(bands.bound(segment, &own)) * (1.0 + ROUNDING) / (least * shape.norm);
-            bound as f32
-        };
-        (0..bands.len()).map(of_segment).collect::<Vec<f32>>()
-    };
-    bucket.shapes.par_iter().map_init(|| bands.buffers(), of_shape).collect()
-}
-
 /// Candidates of all grains of one bucket in one recording; `None` if it was stopped.
 fn search(
     x: &[f32],
@@ -206,7 +182,13 @@ fn search(
         let samples = &x[first..(last + bucket.max_len - 1).min(x.len())];
         let outputs = last - first;
         let blocks = Blocks::new(samples, outputs, bucket.max_len, bucket.size);
-        let bounds = rules.prune.then(|| bounds(samples, first, outputs, bucket, normaliser));
+        let bounds: Option<Vec<Vec<f32>>> = rules.prune.then(|| {
+            let bands = SegmentBands::new(samples, outputs, bucket.max_len);
+            let of_shape = |buffers: &mut _, shape: &Shape| {
+                bands.bounds(&shape.samples, shape.norm, normaliser, first, buffers)
+            };
+            bucket.shapes.par_iter().map_init(|| bands.buffers(), of_shape).collect()
+        });
         // Grains that may correlate best come first: they raise the least correlation that is retained.
         let mut order: Vec<usize> = (0..bucket.shapes.len()).collect();
         if let Some(bounds) = &bounds {

@@ -40,9 +40,9 @@ pub struct Repetition<'a> {
     pub factor: f64,
     /// Random numbers for the nodes of the output.
     pub random: &'a Random,
-    /// Kind and number of the node of the output.
+    /// Level of the node of the output, for random numbers.
     pub entity: u32,
-    /// Its number.
+    /// Number of the node in its level.
     pub index: u64,
 }
 
