@@ -10,12 +10,7 @@ use crate::soundtrack::wavelet::{StreamingInverse, TextureModel};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Entity of the random number of the turn; those of nodes are levels.
-const TURN: u32 = u32::MAX;
-
 /// The audio of a [`Synthesizer`], from any frame on, and where it comes from.
-///
-/// Without weights, blocks are made up to one block earlier than they are needed, by a random time, so that the work of many textures is spread.
 ///
 /// # Example
 /// ```
@@ -46,8 +41,6 @@ pub struct TextureStream {
     first_position: i64,
     /// False before the first frame.
     has_begun: bool,
-    /// Frames by which blocks are made earlier than needed, less than a block.
-    ahead: i64,
 }
 
 impl TextureStream {
@@ -62,9 +55,7 @@ impl TextureStream {
     ) -> Self {
         let tree = &model.tree;
         // What is made before the first frame of a window, and beyond its last.
-        let frames = (2 * tree.wavelet.reach() + 5) << tree.depth;
-        // Textures that begin together take turns: otherwise all would make their blocks in the same windows.
-        let ahead = (random.uniform(TURN, 0, 0) * f64::from(1_u32 << tree.depth)) as i64;
+        let frames = (2 * tree.wavelet.reach() + 4) << tree.depth;
         Self {
             synthesizer: Synthesizer::new(Arc::clone(&model), constraints, rules, random, 0, end),
             inverses: vec![StreamingInverse::new(tree.wavelet, tree.depth); tree.channels],
@@ -73,7 +64,6 @@ impl TextureStream {
             positions: VecDeque::with_capacity(frames / 2),
             first_position: 0,
             has_begun: false,
-            ahead,
             model,
         }
     }
@@ -137,10 +127,8 @@ impl TextureStream {
         let channels = self.audio.len().max(1);
         let frames = (audio.len() / channels) as i64;
         let first_position = (first + 1).div_euclid(2);
-        // Weights are known as far as they are needed.
-        let ahead = if weights.is_some() { 0 } else { self.ahead };
         let is_missing = |own: &Self| {
-            own.first + (own.audio.first().map_or(0, VecDeque::len) as i64) < first + frames + ahead
+            own.first + (own.audio.first().map_or(0, VecDeque::len) as i64) < first + frames
                 || own.first_position + (own.positions.len() as i64) < first_position + positions.len() as i64
         };
         while is_missing(self) {
@@ -182,47 +170,3 @@ impl TextureStream {
 }
 
 impl_state!(TextureStream { synthesizer, each inverses, audio, first, positions, first_position, has_begun });
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::core::random::Rng;
-    use crate::soundtrack::wavelet::{ThresholdRules, TreeRecording, TreeRules, WaveletTree};
-
-    #[test]
-    fn textures_make_their_blocks_in_turns_and_sound_the_same() {
-        let mut rng = Rng::new(5);
-        let channel = (0..4000).map(|_| rng.between(-1.0, 1.0) as f32).collect();
-        let recording = TreeRecording { name: "a".into(), content: String::new(), channels: vec![channel] };
-        let rules = TreeRules { block: Some(0.064), ..TreeRules::default() };
-        let tree = WaveletTree::analyse(8000.0, &[recording], &rules).unwrap();
-        let span = tree.span(0);
-        let model = Arc::new(TextureModel::new(tree, &ThresholdRules::default()));
-        let (window, windows) = (span / 8, 32);
-        // The windows in which blocks are made, after the first.
-        let turn = |name: &str| {
-            let random = Random::new(1, name);
-            let rules = SynthesisRules::default();
-            let mut own = TextureStream::new(Arc::clone(&model), Arc::default(), rules.clone(), random, None);
-            let mut plain = TextureStream::new(Arc::clone(&model), Arc::default(), rules, random, None);
-            plain.ahead = 0;
-            let mut turns = Vec::new();
-            for k in 0..windows {
-                let before = own.counts().steps;
-                let [mut a, mut b] = [vec![0.0; window], vec![0.0; window]];
-                own.fill((k * window) as i64, None, &mut a, &mut []);
-                plain.fill((k * window) as i64, None, &mut b, &mut []);
-                assert_eq!(a, b, "{name} {k}");
-                if k > 0 && own.counts().steps > before {
-                    turns.push(k % 8);
-                }
-            }
-            assert!(turns.len() >= 3 && turns.iter().all(|turn| *turn == turns[0]), "{turns:?}");
-            turns[0]
-        };
-        let mut turns: Vec<usize> = ["a", "b", "c", "d", "e", "f", "g", "h"].map(turn).to_vec();
-        turns.sort_unstable();
-        turns.dedup();
-        assert!(turns.len() >= 4, "{turns:?}");
-    }
-}
