@@ -2,6 +2,7 @@
 
 mod choice;
 mod classes;
+mod join_gains;
 mod layer;
 pub mod morph;
 mod node_constraints;

@@ -1,6 +1,7 @@
 //! The synthesis of a texture, root by root.
 
 use super::choice::{Best, draw, probability};
+use super::join_gains::JoinGains;
 use super::layer::{Layer, Mixed};
 use super::morph::Morph;
 use super::node_constraints::NodeConstraints;
@@ -18,6 +19,9 @@ const FEW: usize = 64;
 
 /// The longest stretch is drawn for each root, between this share of it and the whole.
 const SHORTEST_RUN: f64 = 0.25;
+
+/// The set of a root in which two sounds are mixed.
+const MIXTURE: u32 = NONE - 1;
 
 /// Entities of the random numbers of omissions, after those of levels.
 const OMISSIONS: u32 = 1 << 16;
@@ -47,6 +51,9 @@ pub struct Synthesizer {
     next: i64,
     layers: Vec<Layer>,
     mixed: Option<Mixed>,
+    joins: JoinGains,
+    /// The sets of the constraints of the last root by layer; [`NONE`] without one, [`MIXTURE`] where two are mixed.
+    sets: [u32; 2],
     has_masks: bool,
     /// What happened so far.
     pub counts: SynthesisCounts,
@@ -67,6 +74,8 @@ impl Synthesizer {
                 own.approximation.copy_from_slice(&other.approximation);
             }
         }
+        self.joins.follow(&other.joins);
+        self.sets = other.sets;
         self.next = other.next;
         self.counts = other.counts;
     }
@@ -86,6 +95,8 @@ impl Synthesizer {
         Self {
             layers: vec![Layer::new(&model, &rules); if morphs { 2 } else { 1 }],
             mixed: morphs.then(|| Mixed::new(morph(), &model)),
+            joins: JoinGains::new(&model, rules.join_gain),
+            sets: [NONE; 2],
             has_masks: model.tree.sources.iter().any(|s| !s.wraps),
             constraints,
             rules,
@@ -103,10 +114,15 @@ impl Synthesizer {
         self.mixed.as_ref().map_or(&self.layers[0].approximation, |mixed| &mixed.approximation)
     }
 
-    /// The details of a level of the last root by node and channel.
+    /// The details of a level of the last root by node and channel, as in the recordings.
     #[must_use]
     pub fn details(&self, level: usize) -> &[f32] {
         self.mixed.as_ref().map_or_else(|| self.layers[0].tree.current(level), |mixed| &mixed.details[level])
+    }
+
+    /// Applies gains to the details of a level of the last root, of one channel, so that they continue the levels before it.
+    pub fn join(&self, level: usize, details: &mut [f32]) {
+        self.joins.apply(self.model.tree.depth as usize, level, details);
     }
 
     /// The leaf of the model that each leaf of the last root was copied from; of a mixture, that of the greater share.
@@ -128,6 +144,12 @@ impl Synthesizer {
         }
         let depth = self.model.tree.depth as usize;
         let wanted = self.wanted(weights, root, 0, 0);
+        let sets = match wanted.share {
+            Some(_) => [MIXTURE; 2],
+            None => wanted.own.map(|own| own.map_or(NONE, |c| c.set as u32)),
+        };
+        let goes_on = sets == self.sets && sets[0] != MIXTURE;
+        self.sets = sets;
         let picks = self.picks(&wanted, root, 0, 0, true);
         for (layer, pick) in self.layers.iter_mut().zip(picks) {
             layer.recent_roots.add(pick);
@@ -158,6 +180,12 @@ impl Synthesizer {
                 }
             }
         }
+        let finest = depth.saturating_sub(1);
+        let root_of = |node: isize| match self.layers[0].tree.pick(finest, node) {
+            leaf if leaf == NONE || !goes_on => NONE,
+            leaf => leaf >> finest,
+        };
+        self.joins.advance(&self.model, root_of(-1), root_of(0));
         for layer in &mut self.layers {
             self.counts.capped += std::mem::take(&mut layer.classes.capped);
         }
@@ -347,7 +375,7 @@ fn longest_run(model: &TextureModel, rules: &SynthesisRules, random: &Random, ro
     rules.max_run.map(|longest| longest * share * model.tree.rate)
 }
 
-impl_state!(Synthesizer { next, each layers, counts });
+impl_state!(Synthesizer { next, each layers, joins, sets, counts });
 
 #[cfg(test)]
 mod tests;

@@ -92,7 +92,10 @@ impl TextureStream {
         let mut out = Vec::new();
         for (c, (inverse, audio)) in self.inverses.iter_mut().zip(&mut self.audio).enumerate() {
             let of_channel = |level: usize| -> Vec<f32> {
-                self.synthesizer.details(level).iter().skip(c).step_by(channels).copied().collect()
+                let mut details: Vec<f32> =
+                    self.synthesizer.details(level).iter().skip(c).step_by(channels).copied().collect();
+                self.synthesizer.join(level, &mut details);
+                details
             };
             let levels: Vec<Vec<f32>> = (0..depth).map(of_channel).collect();
             inverse.add(self.synthesizer.approximation()[c], |level| &levels[level], &mut out);

@@ -1,4 +1,4 @@
-//! Levels by octave of the roots of a tree, by which roots are joined.
+//! Levels by octave of the roots of a tree and of their edges, by which roots are joined.
 
 use super::tree::WaveletTree;
 
@@ -8,12 +8,19 @@ const LEAST: usize = 16;
 /// The least power, full scale being 1.
 const FLOOR: f32 = 1e-12;
 
-/// The levels of each root in the octaves in which it has at least 16 coefficients.
+/// The share of a root that is its edge, unless that has too few coefficients.
+const EDGE: usize = 4;
+
+/// The levels of each root, and of its edges, in the octaves in which it has at least 16 coefficients.
+///
+/// An edge is a quarter of a root, or its 16 first or last coefficients if these are more.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Envelopes {
     bands: usize,
     /// In dB, by root and band.
     levels: Vec<f32>,
+    /// Of the first and of the last edge, in dB, by root and band.
+    edges: Vec<[f32; 2]>,
     /// The median of the mean-square differences of consecutive roots, dB².
     change: f64,
 }
@@ -23,14 +30,21 @@ impl Envelopes {
     /// Linear in the nodes.
     pub fn new(tree: &WaveletTree) -> Self {
         let octaves = (0..tree.depth as usize).filter(|level| 1 << level >= LEAST);
-        let level = |octave: usize, root: usize| {
-            let values = tree.channels << octave;
-            let own = &tree.details[octave][root * values..(root + 1) * values];
-            10.0 * (own.iter().map(|x| x * x).sum::<f32>() / values as f32 + FLOOR).log10()
+        let level = |values: &[f32]| {
+            let mean = values.iter().map(|x| x * x).sum::<f32>() / values.len() as f32;
+            10.0 * (mean + FLOOR).log10()
         };
         let bands: Vec<usize> = octaves.collect();
-        let levels = (0..tree.roots()).flat_map(|root| bands.iter().map(move |octave| level(*octave, root)));
-        let mut own = Self { bands: bands.len(), levels: levels.collect(), change: 0.0 };
+        let mut own = Self { bands: bands.len(), ..Self::default() };
+        for root in 0..tree.roots() {
+            for octave in &bands {
+                let count = tree.channels << octave;
+                let values = &tree.details[*octave][root * count..(root + 1) * count];
+                let edge = tree.channels * ((1 << octave) / EDGE).max(LEAST);
+                own.levels.push(level(values));
+                own.edges.push([level(&values[..edge]), level(&values[count - edge..])]);
+            }
+        }
         let pairs = tree.sources.iter().flat_map(|s| (s.first + 1)..(s.first + s.roots));
         let mut changes: Vec<f64> = pairs.map(|root| own.difference(root - 1, root)).collect();
         if !changes.is_empty() {
@@ -38,6 +52,19 @@ impl Envelopes {
             own.change = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
         }
         own
+    }
+
+    /// Number of octaves with levels, the finest ones.
+    #[must_use]
+    pub fn bands(&self) -> usize {
+        self.bands
+    }
+
+    /// The levels of the first and of the last edge of a root by octave, in dB; none for a root that is not there.
+    #[must_use]
+    pub fn edges(&self, root: u32) -> &[[f32; 2]] {
+        let k = root as usize * self.bands;
+        self.edges.get(k..k + self.bands).unwrap_or(&[])
     }
 
     fn of(&self, root: u32) -> &[f32] {
@@ -82,10 +109,40 @@ mod tests {
             }
         }
         let envelopes = Envelopes::new(&tree);
-        assert_eq!(envelopes.bands, tree.depth as usize - 4);
+        assert_eq!(envelopes.bands(), tree.depth as usize - 4);
         assert!((envelopes.change - 4.0).abs() < 1e-3, "{}", envelopes.change);
         assert!((envelopes.relative_difference(0, 3) - 3.0).abs() < 1e-3);
         assert_eq!(envelopes.relative_difference(2, 2), 0.0);
+    }
+
+    #[test]
+    fn edges_are_quarters_or_sixteen_coefficients() {
+        let mut tree = WaveletTree::trial(&mut Rng::new(3));
+        // Each root swells by 8 dB from its first to its last quarter, in 4 steps.
+        for octave in 4..tree.depth as usize {
+            let values = tree.channels << octave;
+            for (k, x) in tree.details[octave].iter_mut().enumerate() {
+                *x = 10_f32.powf(0.1 * (4 * (k % values) / values) as f32);
+            }
+        }
+        let envelopes = Envelopes::new(&tree);
+        for (band, [first, last]) in envelopes.edges(1).iter().enumerate() {
+            // The coarsest octave has 16 coefficients, the next 32.
+            let expected = match band {
+                0 => {
+                    [10.0 * ((1.0 + 10_f32.powf(0.2) + 10_f32.powf(0.4) + 10_f32.powf(0.6)) / 4.0).log10(); 2]
+                }
+                1 => [0.0, 4.0].map(|l: f32| {
+                    10.0 * ((10_f32.powf(l / 10.0) + 10_f32.powf((l + 2.0) / 10.0)) / 2.0).log10()
+                }),
+                _ => [0.0, 6.0],
+            };
+            assert!(
+                (first - expected[0]).abs() < 1e-3 && (last - expected[1]).abs() < 1e-3,
+                "{band} {first} {last}"
+            );
+        }
+        assert!(envelopes.edges(tree.roots() as u32).is_empty());
     }
 
     #[test]

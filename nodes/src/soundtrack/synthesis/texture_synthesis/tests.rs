@@ -81,7 +81,9 @@ fn the_stream_equals_the_inverse_of_the_whole_tree() {
         s.advance(None);
         all.approximation.extend(s.approximation().iter().map(|x| f64::from(*x)));
         for (l, level) in all.details.iter_mut().enumerate() {
-            level.extend(s.details(l).iter().map(|x| f64::from(*x)));
+            let mut details = s.details(l).to_vec();
+            s.join(l, &mut details);
+            level.extend(details.into_iter().map(f64::from));
         }
     }
     let x = inverse(model.tree.wavelet, &all);
@@ -262,6 +264,65 @@ fn hard_constraints_are_heard() {
     }
     let (found, own) = (octave(without, 2000.0), octave(&source[1], 2000.0));
     assert!((found - own).abs() < 1.0, "{found} {own}");
+}
+
+/// A model in which few nodes are similar.
+fn close(tree: WaveletTree) -> TextureModel {
+    TextureModel::new(tree, &ThresholdRules { quantile: 0.002, ..ThresholdRules::default() })
+}
+
+/// A tone and noise, whose levels swell by 18 dB every 3 s, in blocks of 0.25 s.
+fn swells() -> TextureModel {
+    let mut rng = Rng::new(7);
+    let sample = |k: i32| {
+        let t = f64::from(k) / 8000.0;
+        let level = 10_f64.powf(-0.45 * (2.0 * std::f64::consts::PI * t / 3.0).cos());
+        (0.02 * level * ((2500.0 * t).sin() + rng.between(-1.0, 1.0))) as f32
+    };
+    let channel = (0..192_000).map(sample).collect();
+    let recording = TreeRecording { name: "a.wav".into(), content: String::new(), channels: vec![channel] };
+    let rules = TreeRules { block: Some(0.256), ..TreeRules::default() };
+    close(WaveletTree::analyse(8000.0, &[recording], &rules).unwrap())
+}
+
+#[test]
+fn levels_go_on_at_joins() {
+    let steps = |join_gain: f64| {
+        let p = TextureSynthesisParams { duration: Some(60.0), join_gain, ..params() };
+        let run = Standalone::new::<TextureSynthesis>(p)
+            .value(TextureSynthesisPorts::model, swells())
+            .run()
+            .unwrap();
+        let x = run.stream(TextureSynthesisPorts::audio);
+        let positions = run.stream(TextureSynthesisPorts::positions);
+        let level = |x: &[f32]| 10.0 * (x.iter().map(|x| x * x).sum::<f32>() / x.len() as f32).log10();
+        // Of parts of 40 ms on either side.
+        let step = |k: usize| level(&x[2 * k..2 * k + 320]) - level(&x[2 * k - 320..2 * k]);
+        let is_join = |k: &usize| positions[*k].frame != positions[*k - 1].frame + 2;
+        let joins: Vec<f32> = (1000..positions.len() - 1000).filter(is_join).map(step).collect();
+        let frames: Vec<u32> = positions.iter().map(|p| p.frame).collect();
+        assert!(joins.len() > 50, "{}", joins.len());
+        ((joins.iter().map(|x| x * x).sum::<f32>() / joins.len() as f32).sqrt(), frames)
+    };
+    let (recorded, of_recorded) = steps(0.0);
+    let (joined, of_joined) = steps(20.0);
+    assert!(recorded > 5.0 && joined < 0.5 * recorded, "{recorded} {joined}");
+    assert_eq!(of_recorded, of_joined, "the choice is the same");
+}
+
+#[test]
+fn another_sound_begins_at_its_own_level() {
+    // The high sound is 40 dB above the low one at 3 kHz.
+    let text = "(source: \"low\", from: 0, to: 1), (source: \"high\", from: 1, to: 2)";
+    let begins = |join_gain: f64| {
+        let run = Standalone::new::<TextureSynthesis>(TextureSynthesisParams { join_gain, ..params() })
+            .value(TextureSynthesisPorts::model, close(model(1).tree))
+            .feed(TextureSynthesisPorts::score.index(), Feed::value(AnyValue::new(score(text))));
+        let x = audio(&run);
+        10.0 * x[8240..8640].iter().map(|x| x * x).sum::<f32>().log10()
+    };
+    let (recorded, joined) = (begins(0.0), begins(40.0));
+    assert!((recorded - joined).abs() < 1.0, "{recorded} {joined}");
 }
 
 #[test]

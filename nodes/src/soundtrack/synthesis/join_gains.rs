@@ -1,0 +1,169 @@
+//! Gains that make levels continue where two blocks are joined.
+
+use super::output::NONE;
+use super::step::predecessor;
+use crate::impl_state;
+use crate::soundtrack::wavelet::TextureModel;
+
+/// Time in which a gain returns to 0 dB, s.
+const RETURN: f64 = 0.35;
+
+/// The greatest gain above 0 dB: what else is in a quiet block is raised with it.
+const MAX_RAISE: f32 = 6.0;
+
+/// Gains by octave of the last block, which return to 0 dB from its beginning on.
+///
+/// At a join the level changes by two differences: what begins, from what would have followed; and what would have preceded it, from what ended. The gain
+/// undoes the lesser of them, and nothing where they have opposite signs: the beginning of an event within a block, before which there was none,
+/// stays as it is.
+#[derive(Clone, Debug)]
+pub struct JoinGains {
+    /// The greatest magnitude of a gain below 0 dB, dB.
+    limit: f32,
+    /// What remains of a gain at the end of a block.
+    remains: f32,
+    /// At the beginning of the last block and at its end, dB, by octave, the finest ones.
+    gains: Vec<[f32; 2]>,
+}
+
+impl JoinGains {
+    /// Gains before the first block.
+    pub fn new(model: &TextureModel, limit: f64) -> Self {
+        let block = model.tree.span(0) as f64 / model.tree.rate;
+        let remains = (1.0 - block / RETURN).max(0.0) as f32;
+        Self { limit: limit as f32, remains, gains: vec![[0.0; 2]; model.envelopes.bands()] }
+    }
+
+    /// Goes on where others are. Allocates nothing.
+    pub fn follow(&mut self, other: &Self) {
+        self.gains.iter_mut().zip(&other.gains).for_each(|(own, other)| *own = *other);
+    }
+
+    /// Goes on to a block that begins with the root `next` of the model, after one that ended with `last`. A join without one of them changes nothing.
+    pub fn advance(&mut self, model: &TextureModel, last: u32, next: u32) {
+        let is_join = last != NONE && next != NONE;
+        let edges =
+            |root: Option<u32>| root.filter(|_| is_join).map_or(&[][..], |m| model.envelopes.edges(m));
+        let (ended, begins) = (edges(Some(last)), edges(Some(next)));
+        let followed = edges(follower(model, last).filter(|_| is_join));
+        let preceded = edges(if is_join { predecessor(model, 0, next, 1) } else { None });
+        for (octave, gain) in self.gains.iter_mut().enumerate() {
+            let change = |from: &[[f32; 2]], to: &[[f32; 2]], edge: usize| {
+                Some(to.get(octave)?[edge] - from.get(octave)?[edge])
+            };
+            let step = match (change(followed, begins, 0), change(ended, preceded, 1)) {
+                (Some(a), Some(b)) if a * b <= 0.0 => 0.0,
+                (Some(a), Some(b)) => a.signum() * a.abs().min(b.abs()),
+                (a, b) => a.or(b).unwrap_or(0.0),
+            };
+            let start = (gain[1] - step).clamp(-self.limit, self.limit.min(MAX_RAISE));
+            *gain = [start, self.remains * start];
+        }
+    }
+
+    /// Applies the gains to the details of the last block in a level of so many, of one channel.
+    pub fn apply(&self, levels: usize, level: usize, details: &mut [f32]) {
+        let octave = (level + self.gains.len()).checked_sub(levels);
+        let Some([start, end]) = octave.and_then(|octave| self.gains.get(octave)).copied() else { return };
+        if start == 0.0 {
+            return;
+        }
+        let factor = |db: f32| 10_f64.powf(f64::from(db) / 20.0);
+        let step = (end - start) / details.len() as f32;
+        let (mut gain, ratio) = (factor(start + 0.5 * step), factor(step));
+        for x in details {
+            *x *= gain as f32;
+            gain *= ratio;
+        }
+    }
+}
+
+/// The root that follows another one in its recording.
+fn follower(model: &TextureModel, root: u32) -> Option<u32> {
+    let source = model.tree.sources.get(model.tree.source_of(root))?;
+    let next = root.checked_add(1)?;
+    let end = source.first + source.roots;
+    if next < end { Some(next) } else { source.wraps.then_some(source.first) }
+}
+
+impl_state!(JoinGains { gains });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::random::Rng;
+    use crate::soundtrack::wavelet::{ThresholdRules, TreeRecording, TreeRules, WaveletTree};
+
+    /// A model of noise with a level in dB for each quarter of each block, in one recording that does not wrap.
+    fn model(levels: &[[f32; 4]]) -> TextureModel {
+        let mut rng = Rng::new(4);
+        let rules = TreeRules { block: Some(0.256), ..TreeRules::default() };
+        // The recording fades from its end into its beginning for 20 ms.
+        let noise = (0..levels.len() * 2048 + 160).map(|_| rng.between(-0.1, 0.1) as f32).collect();
+        let recording = TreeRecording { name: "noise".into(), content: String::new(), channels: vec![noise] };
+        let mut tree = WaveletTree::analyse(8000.0, &[recording], &rules).unwrap();
+        assert_eq!((tree.roots(), tree.span(0)), (levels.len(), 2048));
+        for (level, details) in tree.details.iter_mut().enumerate() {
+            for (k, x) in details.iter_mut().enumerate() {
+                let (root, quarter) = (k >> level, (4 * (k % (1 << level))) >> level);
+                *x = 10_f32.powf(levels[root][quarter] / 20.0);
+            }
+        }
+        tree.sources[0].wraps = false;
+        TextureModel::new(tree, &ThresholdRules::default())
+    }
+
+    /// The gain of the finest octave at the beginning and at the end of a block, dB.
+    fn gains(joins: &JoinGains, model: &TextureModel) -> [f32; 2] {
+        let levels = model.tree.depth as usize;
+        let mut details = vec![1.0_f32; 1 << (levels - 1)];
+        joins.apply(levels, levels - 1, &mut details);
+        [details[0], details[details.len() - 1]].map(|x| 20.0 * x.log10())
+    }
+
+    fn is_near(found: [f32; 2], expected: [f32; 2]) -> bool {
+        found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.05)
+    }
+
+    #[test]
+    fn levels_go_on_and_gains_return() {
+        let model = model(&[[0.0; 4], [0.0; 4], [-5.0; 4], [-5.0; 4], [-30.0; 4], [-30.0; 4]]);
+        let mut joins = JoinGains::new(&model, 15.0);
+        joins.advance(&model, NONE, 0);
+        assert_eq!(gains(&joins, &model), [0.0; 2]);
+        joins.advance(&model, 0, 1);
+        assert_eq!(gains(&joins, &model), [0.0; 2], "the same recording goes on");
+        // The first block with -5 dB follows one with 0 dB in the recording; the second does not.
+        joins.advance(&model, 0, 3);
+        let remains = 1.0_f32 - 0.256 / 0.35;
+        assert!(is_near(gains(&joins, &model), [5.0, remains * 5.0]), "{:?}", gains(&joins, &model));
+        let mut other = JoinGains::new(&model, 15.0);
+        other.follow(&joins);
+        joins.advance(&model, 3, 1);
+        let start = remains * 5.0 - 5.0;
+        assert!(is_near(gains(&joins, &model), [start, remains * start]), "{:?}", gains(&joins, &model));
+        // Steps of 25 dB down and 30 dB up are more than the limits.
+        joins.advance(&model, 1, 5);
+        assert!(is_near(gains(&joins, &model), [6.0, remains * 6.0]), "{:?}", gains(&joins, &model));
+        joins.advance(&model, 5, 1);
+        assert!(is_near(gains(&joins, &model), [-15.0, remains * -15.0]), "{:?}", gains(&joins, &model));
+        other.advance(&model, 3, 1);
+        other.advance(&model, 1, 5);
+        other.advance(&model, 5, 1);
+        assert_eq!(gains(&joins, &model), gains(&other, &model));
+        let mut without = JoinGains::new(&model, 0.0);
+        without.advance(&model, 0, 3);
+        assert_eq!(gains(&without, &model), [0.0; 2]);
+    }
+
+    #[test]
+    fn events_keep_their_beginnings_and_ends() {
+        // An event of 20 dB from the beginning of a block to its end, with equal levels before and after it.
+        let model = model(&[[0.0; 4], [20.0; 4], [0.0; 4], [0.0; 4], [0.0; 4]]);
+        for (last, next) in [(3, 1), (1, 3), (1, 2)] {
+            let mut joins = JoinGains::new(&model, 15.0);
+            joins.advance(&model, last, next);
+            assert_eq!(gains(&joins, &model), [0.0; 2], "{last} {next}");
+        }
+    }
+}
