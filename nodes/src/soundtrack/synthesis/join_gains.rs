@@ -1,6 +1,5 @@
 //! Gains that make levels continue where two blocks are joined.
 
-use super::output::NONE;
 use super::step::predecessor;
 use crate::impl_state;
 use crate::soundtrack::wavelet::TextureModel;
@@ -31,7 +30,7 @@ impl JoinGains {
     pub fn new(model: &TextureModel, limit: f64) -> Self {
         let block = model.tree.span(0) as f64 / model.tree.rate;
         let remains = (1.0 - block / RETURN).max(0.0) as f32;
-        Self { limit: limit as f32, remains, gains: vec![[0.0; 2]; model.envelopes.bands()] }
+        Self { limit: limit.max(0.0) as f32, remains, gains: vec![[0.0; 2]; model.envelopes.bands()] }
     }
 
     /// Goes on where others are. Allocates nothing.
@@ -39,14 +38,14 @@ impl JoinGains {
         self.gains.iter_mut().zip(&other.gains).for_each(|(own, other)| *own = *other);
     }
 
-    /// Goes on to a block that begins with the root `next` of the model, after one that ended with `last`. A join without one of them changes nothing.
-    pub fn advance(&mut self, model: &TextureModel, last: u32, next: u32) {
-        let is_join = last != NONE && next != NONE;
-        let edges =
-            |root: Option<u32>| root.filter(|_| is_join).map_or(&[][..], |m| model.envelopes.edges(m));
-        let (ended, begins) = (edges(Some(last)), edges(Some(next)));
-        let followed = edges(follower(model, last).filter(|_| is_join));
-        let preceded = edges(if is_join { predecessor(model, 0, next, 1) } else { None });
+    /// Goes on to the next block. `join`: the root of the model that the block before ended with, and the root that this one begins with; without it
+    /// levels need not continue.
+    pub fn advance(&mut self, model: &TextureModel, join: Option<(u32, u32)>) {
+        let roots = join.map_or([None; 4], |(last, next)| {
+            [Some(last), follower(model, last), predecessor(model, 0, next, 1), Some(next)]
+        });
+        let edges = |root: Option<u32>| root.map_or(&[][..], |m| model.envelopes.edges(m));
+        let [ended, followed, preceded, begins] = roots.map(edges);
         for (octave, gain) in self.gains.iter_mut().enumerate() {
             let change = |from: &[[f32; 2]], to: &[[f32; 2]], edge: usize| {
                 Some(to.get(octave)?[edge] - from.get(octave)?[edge])
@@ -129,30 +128,30 @@ mod tests {
     fn levels_go_on_and_gains_return() {
         let model = model(&[[0.0; 4], [0.0; 4], [-5.0; 4], [-5.0; 4], [-30.0; 4], [-30.0; 4]]);
         let mut joins = JoinGains::new(&model, 15.0);
-        joins.advance(&model, NONE, 0);
+        joins.advance(&model, None);
         assert_eq!(gains(&joins, &model), [0.0; 2]);
-        joins.advance(&model, 0, 1);
+        joins.advance(&model, Some((0, 1)));
         assert_eq!(gains(&joins, &model), [0.0; 2], "the same recording goes on");
         // The first block with -5 dB follows one with 0 dB in the recording; the second does not.
-        joins.advance(&model, 0, 3);
+        joins.advance(&model, Some((0, 3)));
         let remains = 1.0_f32 - 0.256 / 0.35;
         assert!(is_near(gains(&joins, &model), [5.0, remains * 5.0]), "{:?}", gains(&joins, &model));
         let mut other = JoinGains::new(&model, 15.0);
         other.follow(&joins);
-        joins.advance(&model, 3, 1);
+        joins.advance(&model, Some((3, 1)));
         let start = remains * 5.0 - 5.0;
         assert!(is_near(gains(&joins, &model), [start, remains * start]), "{:?}", gains(&joins, &model));
         // Steps of 25 dB down and 30 dB up are more than the limits.
-        joins.advance(&model, 1, 5);
+        joins.advance(&model, Some((1, 5)));
         assert!(is_near(gains(&joins, &model), [6.0, remains * 6.0]), "{:?}", gains(&joins, &model));
-        joins.advance(&model, 5, 1);
+        joins.advance(&model, Some((5, 1)));
         assert!(is_near(gains(&joins, &model), [-15.0, remains * -15.0]), "{:?}", gains(&joins, &model));
-        other.advance(&model, 3, 1);
-        other.advance(&model, 1, 5);
-        other.advance(&model, 5, 1);
+        other.advance(&model, Some((3, 1)));
+        other.advance(&model, Some((1, 5)));
+        other.advance(&model, Some((5, 1)));
         assert_eq!(gains(&joins, &model), gains(&other, &model));
-        let mut without = JoinGains::new(&model, 0.0);
-        without.advance(&model, 0, 3);
+        let mut without = JoinGains::new(&model, -1.0);
+        without.advance(&model, Some((0, 3)));
         assert_eq!(gains(&without, &model), [0.0; 2]);
     }
 
@@ -162,7 +161,7 @@ mod tests {
         let model = model(&[[0.0; 4], [20.0; 4], [0.0; 4], [0.0; 4], [0.0; 4]]);
         for (last, next) in [(3, 1), (1, 3), (1, 2)] {
             let mut joins = JoinGains::new(&model, 15.0);
-            joins.advance(&model, last, next);
+            joins.advance(&model, Some((last, next)));
             assert_eq!(gains(&joins, &model), [0.0; 2], "{last} {next}");
         }
     }

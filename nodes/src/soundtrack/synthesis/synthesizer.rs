@@ -181,11 +181,12 @@ impl Synthesizer {
             }
         }
         let finest = depth.saturating_sub(1);
-        let root_of = |node: isize| match self.layers[0].tree.pick(finest, node) {
-            leaf if leaf == NONE || !goes_on => NONE,
-            leaf => leaf >> finest,
+        let root_of = |node: isize| {
+            let leaf = self.layers[0].tree.pick(finest, node);
+            (leaf != NONE).then_some(leaf >> finest)
         };
-        self.joins.advance(&self.model, root_of(-1), root_of(0));
+        let join = root_of(-1).zip(root_of(0)).filter(|_| goes_on);
+        self.joins.advance(&self.model, join);
         for layer in &mut self.layers {
             self.counts.capped += std::mem::take(&mut layer.classes.capped);
         }

@@ -37,7 +37,7 @@ params! {
     /// # Source
     /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), sections 3 and 4. Differences: a weight between 0 and 1 is a
     /// probability, drawn once for a block; candidates that are not wanted must match as well as wanted ones; stretches of a recording have a
-    /// longest length; levels continue at joins.
+    /// longest length; levels continue at joins with `join_gain`.
     pub struct TextureSynthesisParams {
         /// Duration of the output; None for no end.
         duration: Option<f64> = Some(30.0), unit "s", range 0.001..=86_400.0;

@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn edges_are_quarters_or_sixteen_coefficients() {
         let mut tree = WaveletTree::trial(&mut Rng::new(3));
-        // Each root swells by 8 dB from its first to its last quarter, in 4 steps.
+        // Each root swells by 6 dB from its first to its last quarter, in 4 steps.
         for octave in 4..tree.depth as usize {
             let values = tree.channels << octave;
             for (k, x) in tree.details[octave].iter_mut().enumerate() {

@@ -66,12 +66,12 @@ fn windows_of_any_length_give_the_same_samples() {
 
 #[test]
 fn the_stream_equals_the_inverse_of_the_whole_tree() {
-    let whole = audio(&standalone(params(), 1));
+    let p = || TextureSynthesisParams { join_gain: 15.0, ..params() };
+    let whole = audio(&standalone(p(), 1));
     let model = Arc::new(model(1));
-    let random = standalone(params(), 1).random();
+    let random = standalone(p(), 1).random();
     let reach = model.tree.wavelet.reach() as i64 + 1;
-    let mut s =
-        Synthesizer::new(Arc::clone(&model), Arc::default(), params().rules(), random, -reach, Some(2.0));
+    let mut s = Synthesizer::new(Arc::clone(&model), Arc::default(), p().rules(), random, -reach, Some(2.0));
     let mut all = crate::soundtrack::wavelet::Coefficients {
         approximation: Vec::new(),
         details: vec![Vec::new(); model.tree.depth as usize],
@@ -312,13 +312,14 @@ fn levels_go_on_at_joins() {
 
 #[test]
 fn another_sound_begins_at_its_own_level() {
-    // The high sound is 40 dB above the low one at 3 kHz.
-    let text = "(source: \"low\", from: 0, to: 1), (source: \"high\", from: 1, to: 2)";
+    // The high sound is 40 dB above the low one at 3 kHz. It begins where a block does.
+    let text = "(source: \"low\", from: 0, to: 1.024), (source: \"high\", from: 1.024, to: 2)";
     let begins = |join_gain: f64| {
         let run = Standalone::new::<TextureSynthesis>(TextureSynthesisParams { join_gain, ..params() })
             .value(TextureSynthesisPorts::model, close(model(1).tree))
             .feed(TextureSynthesisPorts::score.index(), Feed::value(AnyValue::new(score(text))));
         let x = audio(&run);
+        assert_eq!(8192 % model(1).tree.span(0), 0);
         10.0 * x[8240..8640].iter().map(|x| x * x).sum::<f32>().log10()
     };
     let (recorded, joined) = (begins(0.0), begins(40.0));
