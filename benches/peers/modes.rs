@@ -1,7 +1,7 @@
 //! Item 10: Banks of 64, 1000 and 10,000 modes at 44.1 kHz in blocks of 64 samples with an impulse in every 16th, in single precision.
 //!
-//! `modes` is the default form of foley's bank, in which each mode is a damped phasor that is rotated in every sample: the arithmetic that is
-//! called `coupled` elsewhere, where the two-pole recursion is `direct`. `frames-hop512` is the form by Fourier transforms with 5 bins; unlike
+//! `modes` is the default form of foley's bank: in blocks without an impulse the arithmetic that is called `direct` elsewhere, the two-pole
+//! recursion, and in blocks with one a phasor for each mode, which is called `coupled`. `frames-hop512` is the form by Fourier transforms with 5 bins; unlike
 //! the figure of that name elsewhere it includes the transforms and the overlap.
 
 use super::measure::Item;

@@ -91,21 +91,10 @@ impl Held {
         }
     }
 
-    /// Returns the states after some more samples, by repeated squares of one step.
-    fn after(&self, lanes: &Lanes, mut samples: usize) -> [(f32, f32); LANES] {
-        let (mut re, mut im) = (self.re.map(f64::from), self.im.map(f64::from));
-        let (mut x, mut y) = (lanes.less_one.map(|x| 1.0 + f64::from(x)), lanes.sin.map(f64::from));
-        while samples > 0 {
-            for l in 0..LANES {
-                let (a, b) = (re[l], im[l]);
-                if samples & 1 == 1 {
-                    (re[l], im[l]) = (a * x[l] - b * y[l], a * y[l] + b * x[l]);
-                }
-                (x[l], y[l]) = (x[l] * x[l] - y[l] * y[l], 2.0 * x[l] * y[l]);
-            }
-            samples >>= 1;
-        }
-        std::array::from_fn(|l| (re[l] as f32, im[l] as f32))
+    /// Returns the states after some more samples.
+    fn after(&self, lanes: &Lanes, samples: usize) -> [(f32, f32); LANES] {
+        let [re, im] = lanes.after(&self.re, &self.im, samples);
+        std::array::from_fn(|l| (re[l], im[l]))
     }
 
     fn is_silent(&self) -> bool {

@@ -3,6 +3,7 @@
 //! A mode is a complex number that one multiplication rotates and shrinks in each sample. State and coefficients stay in
 //! registers for a whole block. Up to four vectors run interleaved, to hide the latency of the multiplication.
 
+use super::two_pole::TwoPole;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x4, f32x16};
 use serde::{Deserialize, Serialize};
@@ -31,6 +32,24 @@ impl Lanes {
     pub const SILENT: Self =
         Self { less_one: [0.0; LANES], sin: [0.0; LANES], re: [0.0; LANES], im: [0.0; LANES] };
 
+    /// Returns states after some samples without a force, by repeated squares of one step.
+    #[inline(always)]
+    pub fn after(&self, re: &[f32; LANES], im: &[f32; LANES], mut samples: usize) -> [[f32; LANES]; 2] {
+        let (mut re, mut im) = (re.map(f64::from), im.map(f64::from));
+        let (mut x, mut y) = (self.less_one.map(|x| 1.0 + f64::from(x)), self.sin.map(f64::from));
+        while samples > 0 {
+            for l in 0..LANES {
+                let (a, b) = (re[l], im[l]);
+                if samples & 1 == 1 {
+                    (re[l], im[l]) = (a * x[l] - b * y[l], a * y[l] + b * x[l]);
+                }
+                (x[l], y[l]) = (x[l] * x[l] - y[l] * y[l], 2.0 * x[l] * y[l]);
+            }
+            samples >>= 1;
+        }
+        [re.map(|x| x as f32), im.map(|x| x as f32)]
+    }
+
     /// Returns true if the squared magnitudes of all states lie between two numbers.
     #[inline(always)]
     pub fn all_within(&self, low: f32, high: f32) -> bool {
@@ -58,6 +77,8 @@ pub(crate) struct InputGain {
 pub(crate) struct Forces<'a> {
     /// Samples of each contact point, `[points]`.
     pub samples: &'a [[f32; GRID]],
+    /// The sample that is the first one to be computed.
+    pub first: usize,
     /// Points with any force other than 0.
     pub active: &'a [usize],
     /// `[vectors, points]`.
@@ -102,7 +123,7 @@ fn tiles<S: Simd, const U: usize>(
     forces: Forces<'_>,
     sums: &mut [[f32; LANES]],
 ) {
-    let Forces { samples, active, gains } = forces;
+    let Forces { samples, first, active, gains } = forces;
     let points = samples.len().max(1);
     let mut gains = gains.chunks(U * points);
     for (lanes, awake) in lanes.chunks_mut(U).zip(awake.chunks(U)) {
@@ -111,11 +132,11 @@ fn tiles<S: Simd, const U: usize>(
             continue;
         }
         match <&mut [Lanes; U]>::try_from(&mut *lanes) {
-            Ok(lanes) => tile(simd, lanes, samples, active, gains, sums),
+            Ok(lanes) => tile(simd, lanes, samples, first, active, gains, sums),
             Err(_) => {
                 for (lane, gains) in lanes.chunks_exact_mut(1).zip(gains.chunks(points)) {
                     if let Ok(lane) = <&mut [Lanes; 1]>::try_from(lane) {
-                        tile(simd, lane, samples, active, gains, sums);
+                        tile(simd, lane, samples, first, active, gains, sums);
                     }
                 }
             }
@@ -128,6 +149,7 @@ fn tile<S: Simd, const U: usize>(
     simd: S,
     lanes: &mut [Lanes; U],
     samples: &[[f32; GRID]],
+    first: usize,
     active: &[usize],
     gains: &[InputGain],
     sums: &mut [[f32; LANES]],
@@ -152,7 +174,7 @@ fn tile<S: Simd, const U: usize>(
                 sums,
                 #[inline(always)]
                 |t, u, re, im| {
-                    let force = f32x16::splat(simd, force[t % GRID]);
+                    let force = f32x16::splat(simd, force[(first + t) % GRID]);
                     *re = gain[u].0.mul_add(force, *re);
                     *im = gain[u].1.mul_add(force, *im);
                 },
@@ -170,7 +192,7 @@ fn tile<S: Simd, const U: usize>(
                     else {
                         return;
                     };
-                    let force = f32x16::splat(simd, force[t % GRID]);
+                    let force = f32x16::splat(simd, force[(first + t) % GRID]);
                     *re = load(simd, &gain.re).mul_add(force, *re);
                     *im = load(simd, &gain.im).mul_add(force, *im);
                 }
@@ -210,6 +232,117 @@ fn recur<S: Simd, const U: usize>(
     for u in 0..U {
         re[u].store_slice(&mut lanes[u].re);
         im[u].store_slice(&mut lanes[u].im);
+    }
+}
+
+/// The part of a grid interval that is computed by two poles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Part {
+    /// True if it begins at the grid point, from the states of the modes.
+    pub begins: bool,
+    /// True if it ends at the next one: the states of the modes are those there.
+    pub ends: bool,
+}
+
+/// Advances all modes by `sums.len()` samples without a force, and adds them to the sums: those that fit by two poles, others by their states.
+pub(crate) fn advance_freely(
+    level: Level,
+    lanes: &mut [Lanes],
+    two_poles: &mut [TwoPole],
+    awake: &[bool],
+    part: Part,
+    sums: &mut [[f32; LANES]],
+) {
+    dispatch!(level, simd => freely(simd, lanes, two_poles, awake, part, sums));
+}
+
+#[inline(always)]
+fn freely<S: Simd>(
+    simd: S,
+    lanes: &mut [Lanes],
+    two_poles: &mut [TwoPole],
+    awake: &[bool],
+    part: Part,
+    sums: &mut [[f32; LANES]],
+) {
+    match S::f32s::LEN {
+        16.. => free_tiles::<S, 4>(simd, lanes, two_poles, awake, part, sums),
+        8.. => free_tiles::<S, 2>(simd, lanes, two_poles, awake, part, sums),
+        _ => free_tiles::<S, 1>(simd, lanes, two_poles, awake, part, sums),
+    }
+}
+
+#[inline(always)]
+fn free_tiles<S: Simd, const U: usize>(
+    simd: S,
+    lanes: &mut [Lanes],
+    two_poles: &mut [TwoPole],
+    awake: &[bool],
+    part: Part,
+    sums: &mut [[f32; LANES]],
+) {
+    let all = lanes.chunks_mut(U).zip(two_poles.chunks_mut(U)).zip(awake.chunks(U));
+    for ((lanes, two_poles), _) in all.filter(|(_, awake)| awake.contains(&true)) {
+        let fit = two_poles.iter().filter(|x| x.fits).count();
+        match (<&mut [Lanes; U]>::try_from(&mut *lanes), <&mut [TwoPole; U]>::try_from(&mut *two_poles)) {
+            (Ok(lanes), Ok(two_poles)) if fit == U => recur_freely(simd, lanes, two_poles, part, sums),
+            (Ok(lanes), _) if fit == 0 => tile(simd, lanes, &[], 0, &[], &[], sums),
+            _ => {
+                for (lanes, two_pole) in lanes.iter_mut().zip(two_poles) {
+                    let lanes = std::array::from_mut(lanes);
+                    if two_pole.fits {
+                        recur_freely(simd, lanes, std::array::from_mut(two_pole), part, sums);
+                    } else {
+                        tile(simd, lanes, &[], 0, &[], &[], sums);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The recursion of two poles, for `U` vectors over all samples.
+#[inline(always)]
+fn recur_freely<S: Simd, const U: usize>(
+    simd: S,
+    lanes: &mut [Lanes; U],
+    two_poles: &mut [TwoPole; U],
+    part: Part,
+    sums: &mut [[f32; LANES]],
+) {
+    let double: [_; U] = std::array::from_fn(|u| load(simd, &two_poles[u].double));
+    let minus_power: [_; U] = std::array::from_fn(|u| load(simd, &two_poles[u].minus_power));
+    let (mut next, mut last): ([_; U], [_; U]);
+    if part.begins {
+        last = std::array::from_fn(|u| load(simd, &lanes[u].im));
+        next = std::array::from_fn(|u| {
+            let less = load(simd, &lanes[u].less_one).mul_add(last[u], last[u]);
+            load(simd, &lanes[u].sin).mul_add(load(simd, &lanes[u].re), less)
+        });
+    } else {
+        next = std::array::from_fn(|u| load(simd, &two_poles[u].next));
+        last = std::array::from_fn(|u| load(simd, &two_poles[u].last));
+    }
+    for sums in sums {
+        let mut sum = load(simd, sums);
+        for u in 0..U {
+            let y = next[u];
+            next[u] = double[u].mul_add(y, minus_power[u] * last[u]);
+            last[u] = y;
+            sum += y;
+        }
+        sum.store_slice(sums);
+    }
+    for u in 0..U {
+        if part.ends {
+            let (x, y) = (load(simd, &lanes[u].re), load(simd, &lanes[u].im));
+            let (re, im) = (load(simd, &two_poles[u].hop_re), load(simd, &two_poles[u].hop_im));
+            (-im).mul_add(y, re * x).store_slice(&mut lanes[u].re);
+            im.mul_add(x, re * y).store_slice(&mut lanes[u].im);
+        } else {
+            next[u].store_slice(&mut two_poles[u].next);
+            last[u].store_slice(&mut two_poles[u].last);
+        }
     }
 }
 

@@ -9,3 +9,4 @@ pub mod loudness;
 pub mod modal_bank;
 mod moving_points;
 pub mod resonators;
+mod two_pole;

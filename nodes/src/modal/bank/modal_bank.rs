@@ -268,7 +268,7 @@ impl Node for ModalBankNode {
     type Params = ModalBankParams;
     type Ports = ModalBankPorts;
     const NAME: &'static str = "ModalBank";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 3.0;
 

@@ -4,7 +4,8 @@ mod changes;
 
 use super::coefficients::{Group, MAX_FREQUENCY, Radiation, audible};
 use super::fourier_form::{BankForm, FourierForm, Limits};
-use super::kernel::{self, Forces, GRID, InputGain, LANES, Lanes};
+use super::kernel::{self, Forces, GRID, InputGain, LANES, Lanes, Part};
+use super::two_pole::TwoPole;
 use crate::dsp::{Gain, db_to_linear};
 use crate::modal::mode::modes::{Modes, ModesError};
 use crate::{choices, impl_state};
@@ -16,6 +17,9 @@ use fearless_simd::{Level, dispatch};
 const MIN_POWER: f32 = 1e-30;
 /// Squared magnitude above which a mode has diverged, by forces that are not finite or close to it.
 const MAX_POWER: f32 = 1e30;
+
+/// Grid intervals without a change after which modes are computed as two poles: to compute their coefficients takes longer than an interval.
+const STEADY: i32 = 4;
 
 choices! {
     /// Motion of the surface that becomes sound.
@@ -43,6 +47,9 @@ choices! {
 /// With [`set_form`](Self::set_form) modes that ring freely are computed by Fourier transforms, which costs less for more than about a
 /// hundred modes.
 ///
+/// While neither forces act nor dampings or frequencies change, modes from 56 Hz at 44.1 kHz on are computed by two poles, and begin anew with the
+/// state of `z` at each grid point: the difference from the rotation is at most 1e-4 of the mode, and 3e-5 from 200 Hz on.
+///
 /// A decayed mode is set to zero, and vectors of modes at zero cost nothing until the next force. The output does not depend on
 /// how the samples are divided into calls, bit for bit.
 ///
@@ -50,7 +57,7 @@ choices! {
 /// O(sounding modes) per sample.
 ///
 /// # Source
-/// The recursion is the coupled form (Gold and Rader 1969). In single precision the two-pole form fails at low frequencies, where
+/// The recursion is the coupled form (Gold and Rader 1969). In single precision the two-pole form alone fails at low frequencies, where
 /// its coefficients lose digits.
 ///
 /// # Example
@@ -103,6 +110,12 @@ pub struct Bank {
     stale: bool,
     /// Modes that diverged and were set to zero.
     diverged: u64,
+    /// The modes without forces, as two poles.
+    two_poles: Vec<TwoPole>,
+    /// True if the current grid interval is computed by two poles so far.
+    is_free: bool,
+    /// Grid intervals since the coefficients changed, at most one more than [`STEADY`]; -1 before the first one if they are set.
+    steady: i32,
     /// Modes that ring freely, unless all are computed in time.
     fourier: Option<FourierForm>,
 }
@@ -119,6 +132,9 @@ impl_state!(Bank {
     pitch,
     stale,
     diverged,
+    two_poles,
+    is_free,
+    steady,
     each fourier
 });
 
@@ -177,6 +193,9 @@ impl Bank {
             pitch: Gain::new(1.0, 0, 1),
             stale: true,
             diverged: 0,
+            two_poles: vec![TwoPole::new(&Lanes::SILENT); vectors],
+            is_free: false,
+            steady: 0,
             fourier: None,
             indices,
             groups,
@@ -271,6 +290,7 @@ impl Bank {
         }
         if std::mem::take(&mut self.stale) {
             self.set_steps();
+            self.steady = -1;
         }
         let mut fourier = FourierForm::new(form, bins, self.lanes.len(), self.rate);
         fourier.set_position(self.phase as i64);
@@ -280,9 +300,25 @@ impl Bank {
 
     /// Moves all states to the lanes.
     fn release(&mut self) {
+        self.leave_two_poles();
         if let Some(fourier) = &mut self.fourier {
             fourier.release(&mut self.lanes, &mut self.awake);
         }
+    }
+
+    /// Sets the states of all modes to those of now, if two poles went on from them.
+    fn leave_two_poles(&mut self) {
+        if !std::mem::take(&mut self.is_free) {
+            return;
+        }
+        let all = self.lanes.iter_mut().zip(&self.two_poles).zip(&self.awake);
+        dispatch!(self.level, _simd => {
+            for ((lanes, two_pole), awake) in all {
+                if two_pole.fits && *awake {
+                    [lanes.re, lanes.im] = lanes.after(&lanes.re, &lanes.im, self.phase);
+                }
+            }
+        });
     }
 
     /// Sets the level, in dB of full scale, below which a mode without force is silent.
@@ -304,7 +340,11 @@ impl Bank {
 
     /// Aligns the grid with the next sample, of index `index`.
     pub fn align(&mut self, index: i64) {
-        self.phase = index.rem_euclid(GRID as i64) as usize;
+        let phase = index.rem_euclid(GRID as i64) as usize;
+        if phase != self.phase || self.fourier.as_ref().is_some_and(|fourier| !fourier.is_at(index)) {
+            self.leave_two_poles();
+        }
+        self.phase = phase;
         if let Some(fourier) = self.fourier.as_mut().filter(|fourier| !fourier.is_at(index)) {
             fourier.release(&mut self.lanes, &mut self.awake);
             fourier.set_position(index);
@@ -324,6 +364,7 @@ impl Bank {
             self.grid_point();
         }
         self.active.clear();
+        let mut first = n;
         for (point, force) in self.forces.iter_mut().enumerate() {
             let mut on = false;
             for f in &mut force[..n] {
@@ -332,16 +373,33 @@ impl Bank {
             }
             if on {
                 self.active.push(point);
+                first = first.min(force[..n].iter().position(|f| *f != 0.0).unwrap_or(n));
             }
+        }
+        let mut sums = [[0.0; LANES]; GRID];
+        if self.is_free {
+            if first > 0 {
+                let Self { level, lanes, two_poles, awake, .. } = self;
+                let part = Part { begins: self.phase == 0, ends: self.phase + first == GRID };
+                kernel::advance_freely(*level, lanes, two_poles, awake, part, &mut sums[..first]);
+                self.phase += first;
+            }
+            if first < n {
+                self.leave_two_poles();
+            }
+        } else {
+            first = 0;
         }
         if !self.active.is_empty() {
             self.quiet = false;
             self.awake.fill(true);
         }
-        let mut sums = [[0.0; LANES]; GRID];
-        let gains = if self.turned.is_empty() { &self.gains } else { &self.turned };
-        let forces = Forces { samples: &self.forces, active: &self.active, gains };
-        kernel::advance(self.level, &mut self.lanes, &self.awake, forces, &mut sums[..n]);
+        if !self.is_free {
+            let gains = if self.turned.is_empty() { &self.gains } else { &self.turned };
+            let forces = Forces { samples: &self.forces, first, active: &self.active, gains };
+            kernel::advance(self.level, &mut self.lanes, &self.awake, forces, &mut sums[first..n]);
+            self.phase += n - first;
+        }
         kernel::sum_lanes(self.level, &sums[..n], &mut out[..n]);
         if self.output == BankOutput::Acceleration {
             for &point in &self.active {
@@ -353,7 +411,7 @@ impl Bank {
             fourier.add_to(&mut out[..n]);
         }
         self.forces.iter_mut().for_each(|force| force[..n].fill(0.0));
-        self.phase = (self.phase + n) % GRID;
+        self.phase %= GRID;
     }
 
     /// Computes samples under a force at contact point 0, given as the impulse of each sample in N s: a force in N over the sample rate.
@@ -401,10 +459,13 @@ impl Bank {
 
     /// The states of sixteen modes, wherever they are.
     fn states(&self, vector: usize) -> [(f32, f32); LANES] {
-        let lanes = &self.lanes[vector];
+        let mut lanes = self.lanes[vector];
+        if self.is_free && self.two_poles[vector].fits && self.awake[vector] {
+            [lanes.re, lanes.im] = lanes.after(&lanes.re, &lanes.im, self.phase);
+        }
         let mut states = std::array::from_fn(|l| (lanes.re[l], lanes.im[l]));
         if let Some(fourier) = &self.fourier {
-            fourier.add_state(vector, lanes, &mut states);
+            fourier.add_state(vector, &lanes, &mut states);
         }
         states
     }
@@ -439,6 +500,13 @@ impl Bank {
             self.release();
             self.set_steps();
         }
+        self.steady = if changed { 0 } else { (self.steady + 1).min(STEADY + 1) };
+        self.start_hop(changed);
+        self.begin_two_poles();
+    }
+
+    /// Moves modes to the Fourier form and back, at a grid point.
+    fn start_hop(&mut self, changed: bool) {
         let Some(fourier) = &mut self.fourier else { return };
         if changed {
             fourier.spoil();
@@ -447,6 +515,19 @@ impl Bank {
         }
         let limits = Limits { floor: self.floor, min: MIN_POWER, max: MAX_POWER };
         fourier.start_hop(self.level, &mut self.lanes, &mut self.awake, limits, &mut self.diverged);
+    }
+
+    /// Begins a grid interval with two poles, if the coefficients are steady.
+    fn begin_two_poles(&mut self) {
+        self.is_free = self.steady >= STEADY && self.awake.contains(&true);
+        let Self { level, two_poles, lanes, .. } = self;
+        if self.steady == STEADY {
+            dispatch!(*level, _simd => {
+                for (two_pole, lanes) in two_poles.iter_mut().zip(&*lanes) {
+                    *two_pole = TwoPole::new(lanes);
+                }
+            });
+        }
     }
 }
 

@@ -327,7 +327,7 @@ impl Func for LevelMatcher {
     type Params = LevelMatcherParams;
     type Ports = LevelMatcherPorts;
     const NAME: &'static str = "LevelMatcher";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
 
     fn eval(p: &LevelMatcherParams, _: &Build<'_>, mut io: LevelMatcherIo<'_>) -> Result<Summary, Fault> {
         let mut surfaces = Surfaces::new(p, &io)?;

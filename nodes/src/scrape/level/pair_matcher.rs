@@ -298,7 +298,7 @@ impl Func for PairMatcher {
     type Params = PairMatcherParams;
     type Ports = PairMatcherPorts;
     const NAME: &'static str = "PairMatcher";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn eval(p: &PairMatcherParams, _: &Build<'_>, mut io: PairMatcherIo<'_>) -> Result<Summary, Fault> {
         let pair = Pair::new(p, &io)?;

@@ -63,7 +63,9 @@ fn a_force_rings_modes_as_the_filters_of_scipy_do() {
     let mut out = vec![0.0; force.len()];
     Bank::new(&modes, 44_100.0, BankOutput::Displacement).unwrap().process(&force, &mut out);
     for (k, (found, right)) in out.iter().step_by(40).zip(LFILTER).enumerate() {
-        assert!((f64::from(*found) - right).abs() < 1e-4, "sample {}: {found} for {right}", 40 * k);
+        // Without a force modes go on as two poles.
+        let bound = if 40 * k < 700 { 1e-4 } else { 3e-4 };
+        assert!((f64::from(*found) - right).abs() < bound, "sample {}: {found} for {right}", 40 * k);
     }
     assert!(LFILTER.iter().any(|x| x.abs() > 3.0));
 }
@@ -178,9 +180,9 @@ fn decayed_modes_are_skipped_and_ring_again_exactly() {
     assert!(bank.sounding() == 0 && out.iter().all(|x| *x == 0.0));
     force[0] = 1.0;
     bank.process(&force, &mut out);
-    // The grid has another phase, so modes may be set to zero a few samples earlier or later.
+    // The grid has another phase, so modes may be set to zero a few samples earlier or later, and begin as two poles elsewhere.
     let worst = first.iter().zip(&out).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(worst < 1e-6, "{worst}");
+    assert!(worst < 2e-5, "{worst}");
 }
 
 #[test]
@@ -208,7 +210,8 @@ fn damping_can_be_given_per_mode() {
     bank.damp(&[1.0, 8.0]);
     let mut out = vec![0.0; 800];
     bank.process(&[1.0], &mut out);
-    let size = |k: usize| f64::from(bank.lanes[0].re[k].hypot(bank.lanes[0].im[k]));
+    let states = bank.states(0);
+    let size = |k: usize| f64::from(states[k].0.hypot(states[k].1));
     // The impulse is at the first of 800 samples.
     assert!((size(0) - (-10.0 * 799.0 / 8000.0_f64).exp()).abs() < 1e-5);
     assert!((size(1) - (-80.0 * 799.0 / 8000.0_f64).exp()).abs() < 1e-5);
@@ -318,7 +321,10 @@ fn a_bank_with_another_cull_takes_over_the_modes_in_both() {
     let (mut a, mut b) = ([0.0; 640], [0.0; 640]);
     less.process(&[], &mut a);
     alone.process(&[], &mut b);
-    assert!(a == b && a.iter().any(|x| x.abs() > 0.1));
+    // One goes on by rotation until its coefficients are steady, the other by two poles.
+    let largest = b.iter().fold(0.0_f32, |max, x| max.max(x.abs()));
+    let worst = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(worst < 1e-4 * largest && largest > 0.1, "{worst} of {largest}");
 }
 
 /// Gain of a bank at a frequency, from a long sine after the modes have settled.
@@ -387,4 +393,62 @@ fn a_constant_force_is_not_heard_as_acceleration_whatever_pitch_and_damping() {
         });
         assert!(end < 1e-5 * moved.unwrap(), "{damping} {pitch}: {end}");
     }
+}
+
+/// The output of modes in double precision, with the steps that a bank has in single precision.
+fn rotated(bank: &Bank, gains: &[f32], force: &[f32], samples: usize) -> Vec<f64> {
+    let mut out = vec![0.0; samples];
+    for (k, gain) in gains.iter().enumerate() {
+        let lanes = &bank.lanes[k / LANES];
+        let (re, im) = (1.0 + f64::from(lanes.less_one[k % LANES]), f64::from(lanes.sin[k % LANES]));
+        let (mut x, mut y) = (0.0, 0.0);
+        for (n, out) in out.iter_mut().enumerate() {
+            (x, y) = (re * x - im * y, im * x + re * y);
+            x += f64::from(gain * force.get(n).copied().unwrap_or(0.0));
+            *out += y;
+        }
+    }
+    out
+}
+
+#[test]
+fn two_poles_equal_the_rotation() {
+    // From frequencies that stay in rotation to those near half the rate, and forces at and within grid points.
+    for f in [20.0, 55.0, 57.0, 60.0, 100.0, 441.0, 1000.0, 5000.0, 11_025.0, 15_000.0, 21_500.0] {
+        let mut force = vec![0.0; 44_100];
+        for at in [0, 6400, 12_837, 12_838, 20_000, 20_063] {
+            force[at] = 1.0;
+        }
+        let mut bank = Bank::new(&one(f, 2.0), 44_100.0, BankOutput::Displacement).unwrap();
+        let want = rotated(&bank, &[1.0], &force, 44_100);
+        let mut out = vec![0.0; 44_100];
+        bank.process(&force, &mut out);
+        let worst = out.iter().zip(&want).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max);
+        let largest = want.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
+        println!("{f} Hz: {:.1e}", worst / largest);
+        let bound = if f < 200.0 { 1e-4 } else { 3e-5 };
+        assert!(worst < bound * largest, "{f} Hz: {worst} of {largest}");
+    }
+}
+
+#[test]
+fn two_poles_are_taken_while_coefficients_are_steady_and_nothing_forces() {
+    let is_free = |bank: &mut Bank, force: f32| {
+        bank.process(&[force], &mut [0.0; 1]);
+        let free = bank.is_free;
+        bank.process(&[], &mut [0.0; GRID - 1]);
+        free
+    };
+    // Frequencies above and below the limit, in one vector and in others.
+    let f = (0..40).map(|k| 40.0 + 2.0 * f64::from(k)).collect();
+    let modes = Modes::new("many", f, vec![1.0; 40], vec![0.1; 40]).unwrap();
+    let mut bank = Bank::new(&modes, 44_100.0, BankOutput::Displacement).unwrap();
+    assert!(!is_free(&mut bank, 0.0), "nothing sounds");
+    let first: Vec<bool> = (0..6).map(|k| is_free(&mut bank, if k == 0 { 1.0 } else { 0.0 })).collect();
+    assert_eq!(first, [false, false, false, true, true, true]);
+    assert_eq!(bank.two_poles.iter().map(|x| x.fits).collect::<Vec<_>>(), [false, true, true]);
+    assert!(!is_free(&mut bank, 1.0) && is_free(&mut bank, 0.0));
+    bank.damp(&[2.0]);
+    let moved: Vec<bool> = (0..6).map(|_| is_free(&mut bank, 0.0)).collect();
+    assert_eq!(moved, [false, false, false, false, true, true]);
 }
