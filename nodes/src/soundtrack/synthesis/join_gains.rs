@@ -3,21 +3,24 @@
 use super::step::predecessor;
 use crate::impl_state;
 use crate::soundtrack::wavelet::TextureModel;
+use crate::soundtrack::wavelet::envelope::frames;
 
 /// Time in which a gain returns to 0 dB, s.
 const RETURN: f64 = 0.35;
 
-/// The greatest gain above 0 dB: what else is in a quiet block is raised with it.
-const MAX_RAISE: f32 = 6.0;
+/// The greatest difference of the gains of neighbouring octaves, dB. Octaves of the transform overlap, and what one has of its neighbour cancels an alias
+/// there: the more their gains differ, the more of it is heard.
+const SLOPE: f32 = 2.0;
 
 /// Gains by octave of the last block, which return to 0 dB from its beginning on.
 ///
 /// At a join the level changes by two differences: what begins, from what would have followed; and what would have preceded it, from what ended. The gain
 /// undoes the lesser of them, and nothing where they have opposite signs: the beginning of an event within a block, before which there was none,
-/// stays as it is.
+/// stays as it is. It raises no frame of a block above the end of the block before, nor
+/// above the loudest frame of the recordings.
 #[derive(Clone, Debug)]
 pub struct JoinGains {
-    /// The greatest magnitude of a gain below 0 dB, dB.
+    /// The greatest magnitude of a gain, dB.
     limit: f32,
     /// What remains of a gain at the end of a block.
     remains: f32,
@@ -46,6 +49,7 @@ impl JoinGains {
         });
         let edges = |root: Option<u32>| root.map_or(&[][..], |m| model.envelopes.edges(m));
         let [ended, followed, preceded, begins] = roots.map(edges);
+        let first_level = model.tree.depth as usize - self.gains.len();
         for (octave, gain) in self.gains.iter_mut().enumerate() {
             let change = |from: &[[f32; 2]], to: &[[f32; 2]], edge: usize| {
                 Some(to.get(octave)?[edge] - from.get(octave)?[edge])
@@ -55,9 +59,19 @@ impl JoinGains {
                 (Some(a), Some(b)) => a.signum() * a.abs().min(b.abs()),
                 (a, b) => a.or(b).unwrap_or(0.0),
             };
-            let start = (gain[1] - step).clamp(-self.limit, self.limit.min(MAX_RAISE));
-            *gain = [start, self.remains * start];
+            let mut start = (gain[1] - step).clamp(-self.limit, self.limit);
+            if let Some((last, next)) = join.filter(|_| start > 0.0) {
+                let frames = |root| frames(&model.tree, first_level + octave, root);
+                let before = frames(last);
+                let quarter = before.len().div_ceil(4);
+                let end = gain[1] + before.rev().take(quarter).fold(f32::NEG_INFINITY, f32::max);
+                let level = end.min(model.envelopes.loudest(octave));
+                start = start.min(greatest_raise(frames(next), level, self.remains));
+            }
+            gain[0] = start;
         }
+        limit_slope(&mut self.gains);
+        self.gains.iter_mut().for_each(|gain| gain[1] = self.remains * gain[0]);
     }
 
     /// Applies the gains to the details of the last block in a level of so many, of one channel.
@@ -85,6 +99,25 @@ fn follower(model: &TextureModel, root: u32) -> Option<u32> {
     if next < end { Some(next) } else { source.wraps.then_some(source.first) }
 }
 
+/// The greatest gain in dB at the beginning of a block that raises none of its frames above a level.
+fn greatest_raise(own: impl ExactSizeIterator<Item = f32>, level: f32, remains: f32) -> f32 {
+    let step = (1.0 - remains) / own.len() as f32;
+    let raises = own.enumerate().map(|(k, own)| (level - own).max(0.0) / (1.0 - k as f32 * step));
+    raises.fold(f32::INFINITY, f32::min)
+}
+
+/// Lowers gains until those of neighbouring octaves differ by [`SLOPE`] at most, or by twice as much where one is above 0 dB and one below.
+fn limit_slope(gains: &mut [[f32; 2]]) {
+    for sign in [1.0, -1.0] {
+        let limit = |neighbour: f32, gain: &mut [f32; 2]| {
+            gain[0] = sign * (sign * gain[0]).min(neighbour + SLOPE);
+            (sign * gain[0]).max(0.0)
+        };
+        gains.iter_mut().fold(f32::INFINITY, limit);
+        gains.iter_mut().rev().fold(f32::INFINITY, limit);
+    }
+}
+
 impl_state!(JoinGains { gains });
 
 #[cfg(test)]
@@ -93,8 +126,9 @@ mod tests {
     use crate::core::random::Rng;
     use crate::soundtrack::wavelet::{ThresholdRules, TreeRecording, TreeRules, WaveletTree};
 
-    /// A model of noise with a level in dB for each quarter of each block, in one recording that does not wrap.
-    fn model(levels: &[[f32; 4]]) -> TextureModel {
+    /// A model of noise with a level in dB for each quarter of each block, in one recording that does not wrap; in the octaves of `levels` from
+    /// the finest one on, as long as `octaves` goes, and 0 dB in others.
+    fn model_in(levels: &[[f32; 4]], octaves: usize) -> TextureModel {
         let mut rng = Rng::new(4);
         let rules = TreeRules { block: Some(0.256), ..TreeRules::default() };
         // The recording fades from its end into its beginning for 20 ms.
@@ -102,14 +136,21 @@ mod tests {
         let recording = TreeRecording { name: "noise".into(), content: String::new(), channels: vec![noise] };
         let mut tree = WaveletTree::analyse(8000.0, &[recording], &rules).unwrap();
         assert_eq!((tree.roots(), tree.span(0)), (levels.len(), 2048));
+        let depth = tree.details.len();
         for (level, details) in tree.details.iter_mut().enumerate() {
             for (k, x) in details.iter_mut().enumerate() {
                 let (root, quarter) = (k >> level, (4 * (k % (1 << level))) >> level);
-                *x = 10_f32.powf(levels[root][quarter] / 20.0);
+                let is_other = level + octaves < depth;
+                *x = if is_other { 1.0 } else { 10_f32.powf(levels[root][quarter] / 20.0) };
             }
         }
         tree.sources[0].wraps = false;
         TextureModel::new(tree, &ThresholdRules::default())
+    }
+
+    /// The same in all octaves.
+    fn model(levels: &[[f32; 4]]) -> TextureModel {
+        model_in(levels, usize::MAX / 2)
     }
 
     /// The gain of the finest octave at the beginning and at the end of a block, dB.
@@ -141,9 +182,9 @@ mod tests {
         joins.advance(&model, Some((3, 1)));
         let start = remains * 5.0 - 5.0;
         assert!(is_near(gains(&joins, &model), [start, remains * start]), "{:?}", gains(&joins, &model));
-        // Steps of 25 dB down and 30 dB up are more than the limits.
+        // Steps of 25 dB down and 30 dB up are more than the limit.
         joins.advance(&model, Some((1, 5)));
-        assert!(is_near(gains(&joins, &model), [6.0, remains * 6.0]), "{:?}", gains(&joins, &model));
+        assert!(is_near(gains(&joins, &model), [15.0, remains * 15.0]), "{:?}", gains(&joins, &model));
         joins.advance(&model, Some((5, 1)));
         assert!(is_near(gains(&joins, &model), [-15.0, remains * -15.0]), "{:?}", gains(&joins, &model));
         other.advance(&model, Some((3, 1)));
@@ -163,6 +204,34 @@ mod tests {
             let mut joins = JoinGains::new(&model, 15.0);
             joins.advance(&model, Some((last, next)));
             assert_eq!(gains(&joins, &model), [0.0; 2], "{last} {next}");
+        }
+    }
+
+    #[test]
+    fn no_frame_is_raised_above_the_end_before() {
+        // The second block is 10 dB down, and rises to 2 dB below the first in its last quarter.
+        let rising = [-10.0, -10.0, -10.0, -2.0];
+        let model = model(&[[0.0; 4], [0.0; 4], [-10.0; 4], rising, [-10.0; 4]]);
+        let mut joins = JoinGains::new(&model, 15.0);
+        joins.advance(&model, Some((0, 3)));
+        let remains = 1.0_f32 - 0.256 / 0.35;
+        let at_quarter = 1.0 - 0.75 * (1.0 - remains);
+        let start = 2.0 / at_quarter;
+        assert!(is_near(gains(&joins, &model), [start, remains * start]), "{:?}", gains(&joins, &model));
+    }
+
+    #[test]
+    fn gains_of_neighbouring_octaves_differ_little() {
+        let levels = [[0.0; 4], [0.0; 4], [-10.0; 4], [-10.0; 4]];
+        for (octaves, expected) in [(1, SLOPE), (2, 2.0 * SLOPE), (usize::MAX / 2, 10.0)] {
+            for (join, sign) in [((0, 3), 1.0), ((3, 1), -1.0)] {
+                let model = model_in(&levels, octaves);
+                let mut joins = JoinGains::new(&model, 15.0);
+                joins.advance(&model, Some(join));
+                assert!((gains(&joins, &model)[0] - sign * expected).abs() < 0.05, "{octaves} {join:?}");
+                let steps = joins.gains.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs());
+                assert!(steps.fold(0.0, f32::max) <= SLOPE + 1e-6, "{octaves} {join:?}");
+            }
         }
     }
 }

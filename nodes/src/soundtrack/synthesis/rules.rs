@@ -56,7 +56,7 @@ pub struct SynthesisRules {
     /// Roots are chosen by how well their levels by octave continue those before, and not by predecessors that match: the greatest difference, relative
     /// to that of consecutive blocks of the recordings.
     pub continuity: Option<f64>,
-    /// Greatest gain by which the levels of a block continue those before it, dB, at most 6 dB upwards; 0 for blocks as they were recorded.
+    /// Greatest gain by which the levels of a block continue those before it, dB; 0 for blocks as they were recorded.
     pub join_gain: f64,
     /// How similar ancestors and predecessors are counted.
     pub count: MatchCount,
@@ -88,7 +88,7 @@ impl Default for SynthesisRules {
             predecessors: 5,
             root_predecessors: 16,
             continuity: None,
-            join_gain: 0.0,
+            join_gain: 15.0,
             count: MatchCount::Consecutive,
             criterion: MatchCriterion::PerCoefficient,
             search: CandidateSearch::Exact,

@@ -370,10 +370,13 @@ impl Synthesizer {
     }
 }
 
-/// The longest stretch below a root, samples. A fixed length would be heard as a rhythm.
+/// The longest stretch below a root, samples. A fixed length would be heard as a rhythm. Where three roots fit, more than half of all stretches are
+/// shorter than two; where two fit, they are anyway.
 fn longest_run(model: &TextureModel, rules: &SynthesisRules, random: &Random, root: i64) -> Option<f64> {
-    let share = SHORTEST_RUN + (1.0 - SHORTEST_RUN) * random.uniform(0, root as u64, 2);
-    rules.max_run.map(|longest| longest * share * model.tree.rate)
+    let longest = rules.max_run? * model.tree.rate;
+    let uniform = random.uniform(0, root as u64, 2);
+    let draw = if longest < 3.0 * model.tree.span(0) as f64 { uniform } else { libm::pow(uniform, 1.75) };
+    Some(longest * (SHORTEST_RUN + (1.0 - SHORTEST_RUN) * draw))
 }
 
 impl_state!(Synthesizer { next, each layers, joins, sets, counts });

@@ -37,7 +37,7 @@ params! {
     /// # Source
     /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), sections 3 and 4. Differences: a weight between 0 and 1 is a
     /// probability, drawn once for a block; candidates that are not wanted must match as well as wanted ones; stretches of a recording have a
-    /// longest length; levels continue at joins with `join_gain`.
+    /// longest length; levels continue at joins.
     pub struct TextureSynthesisParams {
         /// Duration of the output; None for no end.
         duration: Option<f64> = Some(30.0), unit "s", range 0.001..=86_400.0;
@@ -53,10 +53,10 @@ params! {
         continuity: Option<f64> = None, unit "", range 0.001..=1000.0;
         /// Number of predecessors of a block that are compared without `continuity`.
         root_predecessors: usize = 16, unit "", range 0..=64;
-        /// At a join of two blocks, what follows continues the levels by octave before it, by gains that return to 0 dB within 0.35 s: their greatest magnitude
-        /// where it is louder; where it is quieter, at most 6 dB. There is none where other sounds are wanted than before, or where two are mixed. 0: blocks are heard as
-        /// they were recorded, as in the paper. 15 dB, with a `quantile` of 0.002 of the model, keeps slow modulations; the calls of few birds lose 2 dB by it.
-        join_gain: f64 = 0.0, unit "dB", range 0.0..=60.0;
+        /// At a join of two blocks, what follows continues the levels by octave before it, by gains that return to 0 dB within 0.35 s: their greatest magnitude.
+        /// Nothing is raised above the end of the block before, and gains of neighbouring octaves differ by 2 dB at most. There is none where other sounds are wanted
+        /// than before, or where two are mixed. 0: blocks are heard as they were recorded, as in the paper.
+        join_gain: f64 = 15.0, unit "dB", range 0.0..=60.0;
         /// How similar ancestors and predecessors are counted. Where a score leaves no candidate all of whose ancestors are similar, `Total`
         /// compares all nodes, which takes much longer.
         count: MatchCount = MatchCount::Consecutive;
@@ -65,7 +65,7 @@ params! {
         /// The candidates that are compared. `Narrow` copies longer stretches, because it follows few candidates from level to level.
         search: CandidateSearch = CandidateSearch::Exact;
         /// Longest stretch of a recording that is repeated as it is, unless there is no other choice; None for no limit. Stretches in which one
-        /// would go on have random lengths from a quarter of it.
+        /// would go on have random lengths from a quarter of it; where three blocks fit, short ones are more likely.
         max_run: Option<f64> = Some(1.0), unit "s", range 0.001..=3600.0;
         /// Probability that a node remains a candidate, for each time that it was chosen within `memory`, while there are others; 1 for no preference.
         repetition: f64 = 1.0, unit "", range 0.0..=1.0;
@@ -179,7 +179,7 @@ impl Node for TextureSynthesis {
     const NAME: &'static str = "TextureSynthesis";
     const CLASS: Class = Class::Worker;
     const COST: f64 = 100.0;
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
 
     fn shape(p: &TextureSynthesisParams, s: &mut Shape<'_, '_, TextureSynthesisPorts>) -> Result<(), Reject> {
         if let Some(weights) = s.optional(TextureSynthesisPorts::weights) {

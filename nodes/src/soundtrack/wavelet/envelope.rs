@@ -11,6 +11,9 @@ const FLOOR: f32 = 1e-12;
 /// The share of a root that is its edge, unless that has too few coefficients.
 const EDGE: usize = 4;
 
+/// The number of frames of a root, unless they have too few coefficients.
+const FRAMES: usize = 32;
+
 /// The levels of each root, and of its edges, in the octaves in which it has at least 16 coefficients.
 ///
 /// An edge is a quarter of a root, or its 16 first or last coefficients if these are more.
@@ -21,6 +24,8 @@ pub struct Envelopes {
     levels: Vec<f32>,
     /// Of the first and of the last edge, in dB, by root and band.
     edges: Vec<[f32; 2]>,
+    /// Of the loudest frame, in dB, by band.
+    loudest: Vec<f32>,
     /// The median of the mean-square differences of consecutive roots, dB².
     change: f64,
 }
@@ -30,12 +35,12 @@ impl Envelopes {
     /// Linear in the nodes.
     pub fn new(tree: &WaveletTree) -> Self {
         let octaves = (0..tree.depth as usize).filter(|level| 1 << level >= LEAST);
-        let level = |values: &[f32]| {
-            let mean = values.iter().map(|x| x * x).sum::<f32>() / values.len() as f32;
-            10.0 * (mean + FLOOR).log10()
-        };
         let bands: Vec<usize> = octaves.collect();
         let mut own = Self { bands: bands.len(), ..Self::default() };
+        for octave in &bands {
+            let frames = (0..tree.roots() as u32).flat_map(|root| frames(tree, *octave, root));
+            own.loudest.push(frames.fold(10.0 * FLOOR.log10(), f32::max));
+        }
         for root in 0..tree.roots() {
             for octave in &bands {
                 let count = tree.channels << octave;
@@ -67,6 +72,12 @@ impl Envelopes {
         self.edges.get(k..k + self.bands).unwrap_or(&[])
     }
 
+    /// The level of the loudest frame of an octave, in dB.
+    #[must_use]
+    pub fn loudest(&self, band: usize) -> f32 {
+        self.loudest.get(band).copied().unwrap_or(f32::INFINITY)
+    }
+
     fn of(&self, root: u32) -> &[f32] {
         let k = root as usize * self.bands;
         self.levels.get(k..k + self.bands).unwrap_or(&[])
@@ -84,6 +95,23 @@ impl Envelopes {
         let difference = self.difference(a, b);
         if difference > 0.0 { (difference / self.change).sqrt() } else { 0.0 }
     }
+}
+
+/// The mean power of coefficients, in dB.
+fn level(values: &[f32]) -> f32 {
+    let mean = values.iter().map(|x| x * x).sum::<f32>() / values.len() as f32;
+    10.0 * (mean + FLOOR).log10()
+}
+
+/// The levels in dB of frames of a root, in a level of the tree that has at least 16 coefficients for each: of 32 frames, or of frames of 16.
+pub fn frames(
+    tree: &WaveletTree,
+    octave: usize,
+    root: u32,
+) -> impl DoubleEndedIterator<Item = f32> + ExactSizeIterator {
+    let count = tree.channels << octave;
+    let frame = tree.channels * ((1 << octave) / FRAMES).max(LEAST);
+    tree.details[octave][root as usize * count..][..count].chunks_exact(frame).map(level)
 }
 
 #[cfg(test)]

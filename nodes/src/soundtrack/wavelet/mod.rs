@@ -1,6 +1,6 @@
 //! Wavelet transforms of sounds: trees of coefficients, and models of textures.
 
-mod envelope;
+pub(super) mod envelope;
 pub mod family;
 mod file;
 pub mod model;

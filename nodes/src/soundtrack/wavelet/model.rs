@@ -32,7 +32,7 @@ pub struct ThresholdRules {
 
 impl Default for ThresholdRules {
     fn default() -> Self {
-        Self { quantile: 0.25, threshold: None, scale: ThresholdScale::Global }
+        Self { quantile: 0.002, threshold: None, scale: ThresholdScale::Global }
     }
 }
 

@@ -18,7 +18,7 @@ params! {
     /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 3.
     pub struct TextureModelParams {
         /// Share of the coefficients, by magnitude, below half of the threshold.
-        quantile: f64 = 0.25, unit "", range 0.0..=1.0;
+        quantile: f64 = 0.002, unit "", range 0.0..=1.0;
         /// The threshold itself, in place of the quantile.
         threshold: Option<f64> = None, unit "", range 0.0..=1.0e9_f64;
         /// Coefficients that the quantile is taken of.

@@ -66,12 +66,12 @@ fn windows_of_any_length_give_the_same_samples() {
 
 #[test]
 fn the_stream_equals_the_inverse_of_the_whole_tree() {
-    let p = || TextureSynthesisParams { join_gain: 15.0, ..params() };
-    let whole = audio(&standalone(p(), 1));
+    let whole = audio(&standalone(params(), 1));
     let model = Arc::new(model(1));
-    let random = standalone(p(), 1).random();
+    let random = standalone(params(), 1).random();
     let reach = model.tree.wavelet.reach() as i64 + 1;
-    let mut s = Synthesizer::new(Arc::clone(&model), Arc::default(), p().rules(), random, -reach, Some(2.0));
+    let mut s =
+        Synthesizer::new(Arc::clone(&model), Arc::default(), params().rules(), random, -reach, Some(2.0));
     let mut all = crate::soundtrack::wavelet::Coefficients {
         approximation: Vec::new(),
         details: vec![Vec::new(); model.tree.depth as usize],
@@ -266,11 +266,6 @@ fn hard_constraints_are_heard() {
     assert!((found - own).abs() < 1.0, "{found} {own}");
 }
 
-/// A model in which few nodes are similar.
-fn close(tree: WaveletTree) -> TextureModel {
-    TextureModel::new(tree, &ThresholdRules { quantile: 0.002, ..ThresholdRules::default() })
-}
-
 /// A tone and noise, whose levels swell by 18 dB every 3 s, in blocks of 0.25 s.
 fn swells() -> TextureModel {
     let mut rng = Rng::new(7);
@@ -282,7 +277,7 @@ fn swells() -> TextureModel {
     let channel = (0..192_000).map(sample).collect();
     let recording = TreeRecording { name: "a.wav".into(), content: String::new(), channels: vec![channel] };
     let rules = TreeRules { block: Some(0.256), ..TreeRules::default() };
-    close(WaveletTree::analyse(8000.0, &[recording], &rules).unwrap())
+    TextureModel::new(WaveletTree::analyse(8000.0, &[recording], &rules).unwrap(), &ThresholdRules::default())
 }
 
 #[test]
@@ -316,7 +311,7 @@ fn another_sound_begins_at_its_own_level() {
     let text = "(source: \"low\", from: 0, to: 1.024), (source: \"high\", from: 1.024, to: 2)";
     let begins = |join_gain: f64| {
         let run = Standalone::new::<TextureSynthesis>(TextureSynthesisParams { join_gain, ..params() })
-            .value(TextureSynthesisPorts::model, close(model(1).tree))
+            .value(TextureSynthesisPorts::model, model(1))
             .feed(TextureSynthesisPorts::score.index(), Feed::value(AnyValue::new(score(text))));
         let x = audio(&run);
         assert_eq!(8192 % model(1).tree.span(0), 0);
