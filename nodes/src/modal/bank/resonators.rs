@@ -18,7 +18,7 @@ const MIN_POWER: f32 = 1e-30;
 /// Squared magnitude above which a mode has diverged, by forces that are not finite or close to it.
 const MAX_POWER: f32 = 1e30;
 
-/// Grid intervals without a change after which modes are computed as two poles: to compute their coefficients takes longer than an interval.
+/// Grid intervals without a change after which modes are computed as two poles. While coefficients move often, those of two poles are not computed.
 const STEADY: i32 = 4;
 
 choices! {

@@ -16,8 +16,8 @@ const SLOPE: f32 = 2.0;
 ///
 /// At a join the level changes by two differences: what begins, from what would have followed; and what would have preceded it, from what ended. The gain
 /// undoes the lesser of them, and nothing where they have opposite signs: the beginning of an event within a block, before which there was none,
-/// stays as it is. It raises no frame of a block above the end of the block before, nor
-/// above the loudest frame of the recordings.
+/// stays as it is. It raises no frame of an octave above the end of the block before, nor above the loudest frame of the recordings; the peak of a
+/// sum of octaves may rise.
 #[derive(Clone, Debug)]
 pub struct JoinGains {
     /// The greatest magnitude of a gain, dB.
