@@ -31,11 +31,11 @@ const MAX_DECAY: f64 = 4.65;
 const REFRESHED: usize = 64;
 /// Number of sounding modes from which on [`BankForm::Auto`] takes the Fourier form.
 ///
-/// By the bench `modal` on one core with AVX-512, it is then 1.08 times as fast with an impact each 1024 samples, and 1.96 times with one each
-/// second. At 64 modes it is 0.94 and 1.38 times as fast.
-const ENTER: usize = 128;
+/// By the bench `modal` on one core with AVX-512, it is then 0.95 times as fast with an impact each 1024 samples, 1.3 times with one each 4096, and
+/// 1.7 times with one each second. At 128 modes it is 0.85, 1.06 and 1.3 times as fast.
+const ENTER: usize = 256;
 /// Number of sounding modes below which [`BankForm::Auto`] leaves the Fourier form.
-const LEAVE: usize = 64;
+const LEAVE: usize = 128;
 
 /// Length of a frame at a sample rate in Hz: the power of two that is nearest to 1024 samples at 44.1 kHz in ratio.
 pub(crate) fn frame(rate: f64) -> usize {

@@ -252,9 +252,9 @@ impl Bank {
     /// frame, so there is no latency. While dampings or frequencies change, all modes are in time. The error relative to the time form is -34
     /// to -42 dB for five bins and -50 to -59 dB for seven.
     ///
-    /// [`BankForm::Auto`] takes the Fourier form where no force acted for half a frame and at least 128 modes sound. It leaves it where
-    /// forces act throughout half a frame or fewer than 64 modes sound. By the bench `modal` on one core with AVX-512, both forms cost the
-    /// same at 16 modes if an impact comes each second, and at 64 to 96 if one comes each 1024 samples.
+    /// [`BankForm::Auto`] takes the Fourier form where no force acted for half a frame and at least 256 modes sound. It leaves it where
+    /// forces act throughout half a frame or fewer than 128 modes sound. By the bench `modal` on one core with AVX-512, both forms cost the
+    /// same at 64 modes if an impact comes each second, and at about 400 if one comes each 1024 samples.
     ///
     /// It allocates, so it is for the preparation of a bank.
     ///

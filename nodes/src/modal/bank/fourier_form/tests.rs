@@ -276,7 +276,7 @@ fn auto_takes_the_fourier_form_while_many_modes_ring_freely() {
     let end = auto.hops();
     auto.process(&[], &mut out);
     assert!(auto.sounding() == 0 && auto.hops() == end);
-    let mut few = bank(&modes(60, [5.0, 20.0]), BankForm::Auto, 5);
+    let mut few = bank(&modes(200, [5.0, 20.0]), BankForm::Auto, 5);
     few.process(&[1.0], &mut out);
     assert_eq!(few.hops(), 0);
 }
