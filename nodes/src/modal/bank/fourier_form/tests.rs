@@ -87,7 +87,7 @@ fn the_worst_single_mode_differs_by_no_more_than_the_stated_error() {
 
 #[test]
 fn blocks_of_any_length_give_the_same_bits_in_the_fourier_form() {
-    let modes = modes(150, [0.5, 300.0]);
+    let modes = modes(500, [0.5, 300.0]);
     let mut force = impulses(30_000);
     let mut rng = Rng::new(2);
     force[12_000..12_400].iter_mut().for_each(|f| *f = rng.between(-0.1, 0.1) as f32);
