@@ -6,6 +6,7 @@ use super::common::{folder, load};
 use foley_nodes::core::computation::unmonitored;
 use foley_nodes::core::random::{Random, Rng};
 use foley_nodes::dsp::{Band, Butterworth, zero_phase};
+use foley_nodes::likeness::{LikenessRules, Take, compare};
 use foley_nodes::mesh::UpAxis;
 use foley_nodes::soundtrack::matching::{MotionMatch, Normalisation, QueryRules, best_matches};
 use foley_nodes::soundtrack::motion::MotionCurve;
@@ -313,28 +314,14 @@ fn statistics(x: &[f32], rate: f64) -> Vec<f64> {
     out
 }
 
-/// Levels above 8 kHz of 5 ms from each sample on, dB.
-fn levels_above(x: &[f32], rate: f64) -> Vec<f64> {
-    let x: Vec<f64> = x.iter().map(|x| f64::from(*x)).collect();
-    let high = Butterworth::design(Band::HighPass, 4, 8000.0, rate).map_or(x.clone(), |f| zero_phase(&f, &x));
-    let frame = (0.005 * rate) as usize;
-    let mut energy = high[..frame].iter().map(|x| x * x).sum::<f64>();
-    let mut levels = Vec::with_capacity(high.len() - frame);
-    for (first, next) in high.iter().zip(&high[frame..]) {
-        levels.push(10.0 * (energy / frame as f64 + 1e-15).log10());
-        energy = (energy + next * next - first * first).max(0.0);
-    }
-    levels
-}
-
-/// The greatest of all levels of 5 ms, and of those that contain a join of the leaves.
-fn peaks(levels: &[f64], leaves: &[u32], rate: f64) -> [f64; 2] {
-    let greatest = |levels: &[f64]| levels.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let frame = (0.005 * rate) as usize;
-    let joins = (1..leaves.len()).filter(|k| leaves[k - 1] + 1 != leaves[*k]).map(|k| 2 * k);
-    let around =
-        joins.map(|k| greatest(&levels[k.saturating_sub(frame).min(levels.len())..k.min(levels.len())]));
-    [greatest(levels), around.fold(f64::NEG_INFINITY, f64::max)]
+/// Joins by the measure of `LikenessReport`: 95th percentile of levels above 8 kHz in 5 ms at joins and in the recording, dB of the level of each,
+/// and the share of joins above that of the recording.
+fn joins(x: &[f32], y: &[f32], leaves: &[u32], rate: f64) -> Option<[f64; 3]> {
+    let take = Take { name: "recording".into(), rate, samples: x.to_vec() };
+    let joins = (1..leaves.len()).filter(|k| leaves[k - 1] + 1 != leaves[*k]).map(|k| 2.0 * k as f64 / rate);
+    let rules = LikenessRules { joins: Some(joins.collect()), ..LikenessRules::default() };
+    let report = compare(y, rate, &[take], &rules).joins?;
+    Some([report.joins_db?, report.recordings_db?, report.share_above?])
 }
 
 /// Root mean square of the differences of two lists of [`statistics`] in levels, kurtosis and modulation.
@@ -389,7 +376,7 @@ fn recordings() {
     ];
     println!(
         "recording: share of statistics of 60 s within those of the halves and quarters of the source (and of each quarter within the others); \
-         greatest difference of a third octave; the loudest 5 ms above 8 kHz, the loudest at a join, the loudest of the source; longest and median stretch; \
+         greatest difference of a third octave; 95th percentile of levels above 8 kHz at joins and of the source, and the share of joins above that of the source; longest and median stretch; \
          difference from the source (of its halves from each other) in levels, kurtosis, modulation; share of 0.25 s heard again within 2 s, and with repetition 0.1; \
          differences with quantile 0.25 and without gains at joins"
     );
@@ -426,8 +413,7 @@ fn recordings() {
         let (s, whole) = (statistics(&y, rate), statistics(&x, rate));
         let thirds = s.len() - 3 * (0..20).take_while(|k| 125.0 * 2_f64.powi(*k) * 1.5 < rate / 2.0).count();
         let worst = (0..thirds).step_by(2).map(|k| (s[k] - whole[k]).abs()).fold(0.0, f64::max);
-        let [peak, at_joins] = peaks(&levels_above(&y, rate), &leaves, rate);
-        let [source_peak, _] = peaks(&levels_above(&x, rate), &[], rate);
+        let [at_joins, in_recording, louder] = joins(&x, &y, &leaves, rate).unwrap_or([f64::NAN; 3]);
         let runs = runs(&leaves);
         let length = |n: usize| n as f64 / rate;
         let (own_kinds, kinds) = (differences(&parts[4], &parts[5], thirds), differences(&s, &whole, thirds));
@@ -444,12 +430,12 @@ fn recordings() {
         let heard_again = [returns(&leaves, rate), returns(&varied, rate)];
         back.iter_mut().zip(heard_again).for_each(|(sum, share)| *sum += share / names.len() as f64);
         println!(
-            "{name}: {:.0} % ({:.0} %); {worst:.1} dB; {:.2}, {:.2} and {:.2} dB; {:.2} s, {:.3} s; {}; {:.0} %, {:.0} %; {}",
+            "{name}: {:.0} % ({:.0} %); {worst:.1} dB; {:.1} and {:.1} dB, {:.0} %; {:.2} s, {:.3} s; {}; {:.0} %, {:.0} %; {}",
             100.0 * within(&s, &parts),
             100.0 * own,
-            peak,
             at_joins,
-            source_peak,
+            in_recording,
+            100.0 * louder,
             length(runs[runs.len() - 1]),
             length(runs[runs.len() / 2]),
             kinds.join(", "),

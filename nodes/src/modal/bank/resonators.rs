@@ -44,8 +44,8 @@ choices! {
 /// square of the frequency below it, and is constant far above. Input gains include the rotation, so it costs one product per sample and
 /// contact point, and one update of the gains when pitch or damping changes.
 ///
-/// With [`set_form`](Self::set_form) modes that ring freely are computed by Fourier transforms, which costs less for more than about a
-/// hundred modes.
+/// With [`set_form`](Self::set_form) modes that ring freely are computed by Fourier transforms, which costs less for some
+/// hundred modes and more.
 ///
 /// While neither forces act nor dampings or frequencies change, modes from 56 Hz at 44.1 kHz on are computed by two poles, and begin anew with the
 /// state of `z` at each grid point: the difference from the rotation is at most 1e-4 of the mode, and 3e-5 from 200 Hz on.
@@ -254,7 +254,7 @@ impl Bank {
     ///
     /// [`BankForm::Auto`] takes the Fourier form where no force acted for half a frame and at least 256 modes sound. It leaves it where
     /// forces act throughout half a frame or fewer than 128 modes sound. By the bench `modal` on one core with AVX-512, both forms cost the
-    /// same at 64 modes if an impact comes each second, and at about 400 if one comes each 1024 samples.
+    /// same at 64 modes if an impact comes each second, and between 256 and 1000 if one comes each 1024 samples.
     ///
     /// It allocates, so it is for the preparation of a bank.
     ///
