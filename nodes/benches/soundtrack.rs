@@ -56,9 +56,12 @@ fn model_by(rate: f64, channel: Vec<f32>, rules: &ThresholdRules) -> Arc<Texture
     Arc::new(TextureModel::new(tree(rate, channel, &TreeRules::default()), rules))
 }
 
+/// Seeds with which a texture is made for its statistics.
+const SEEDS: u64 = 8;
+
 /// The output of a synthesis, the leaves it was copied from, and the longest time in which as much as one root was made, in ms.
 fn synthesise(model: &Arc<TextureModel>, score: &str, seconds: f64) -> (Vec<f32>, Vec<u32>, f64) {
-    synthesise_by(model, score, seconds, SynthesisRules::default())
+    synthesise_by(model, score, seconds, SynthesisRules::default(), 1)
 }
 
 fn synthesise_by(
@@ -66,6 +69,7 @@ fn synthesise_by(
     score: &str,
     seconds: f64,
     rules: SynthesisRules,
+    seed: u64,
 ) -> (Vec<f32>, Vec<u32>, f64) {
     let tree = &model.tree;
     let constraints = match score {
@@ -74,7 +78,7 @@ fn synthesise_by(
             Constraints::new(&read_score(text).expect("a score"), tree, false).expect("a score that fits")
         }
     };
-    let random = Random::new(1, "texture");
+    let random = Random::new(seed, "texture");
     let mut stream =
         TextureStream::new(Arc::clone(model), Arc::new(constraints), rules, random, Some(seconds));
     let frames = (seconds * tree.rate) as usize;
@@ -315,10 +319,11 @@ fn statistics(x: &[f32], rate: f64) -> Vec<f64> {
 }
 
 /// Joins by the measure of `LikenessReport`: 95th percentile of levels above 8 kHz in 5 ms at joins and in the recording, dB of the level of each,
-/// and the share of joins above that of the recording.
-fn joins(x: &[f32], y: &[f32], leaves: &[u32], rate: f64) -> Option<[f64; 3]> {
+/// and the share of joins above that of the recording. `y` is of several parts of `part` leaves each.
+fn joins(x: &[f32], y: &[f32], leaves: &[u32], part: usize, rate: f64) -> Option<[f64; 3]> {
     let take = Take { name: "recording".into(), rate, samples: x.to_vec() };
-    let joins = (1..leaves.len()).filter(|k| leaves[k - 1] + 1 != leaves[*k]).map(|k| 2.0 * k as f64 / rate);
+    let is_join = |k: &usize| leaves[k - 1] + 1 != leaves[*k] && !k.is_multiple_of(part);
+    let joins = (1..leaves.len()).filter(is_join).map(|k| 2.0 * k as f64 / rate);
     let rules = LikenessRules { joins: Some(joins.collect()), ..LikenessRules::default() };
     let report = compare(y, rate, &[take], &rules).joins?;
     Some([report.joins_db?, report.recordings_db?, report.share_above?])
@@ -375,9 +380,9 @@ fn recordings() {
         "explosions_fireworks.flac",
     ];
     println!(
-        "recording: share of statistics of 60 s within those of the halves and quarters of the source (and of each quarter within the others); \
+        "recording, {SEEDS} times 60 s: share of statistics within those of the halves and quarters of the source (and of each quarter within the others); \
          greatest difference of a third octave; 95th percentile of levels above 8 kHz at joins and of the source, and the share of joins above that of the source; longest and median stretch; \
-         difference from the source (of its halves from each other) in levels, kurtosis, modulation; share of 0.25 s heard again within 2 s, and with repetition 0.1; \
+         difference from the source, rms and greatest over seeds (of its halves from each other), in levels, kurtosis, modulation; share of 0.25 s heard again within 2 s, and with repetition 0.1; \
          differences with quantile 0.25 and without gains at joins"
     );
     let mut back = [0.0; 2];
@@ -388,7 +393,6 @@ fn recordings() {
         };
         let seconds = 60.0;
         let own_model = model(rate, x.clone());
-        let (y, leaves, _) = synthesise(&own_model, "", seconds);
         let quarter = x.len() / 4;
         let mut parts: Vec<Vec<f64>> =
             (0..4).map(|k| statistics(&x[k * quarter..(k + 1) * quarter], rate)).collect();
@@ -410,38 +414,57 @@ fn recordings() {
             .sum();
         parts.push(statistics(&x[..x.len() / 2], rate));
         parts.push(statistics(&x[x.len() / 2..], rate));
-        let (s, whole) = (statistics(&y, rate), statistics(&x, rate));
-        let thirds = s.len() - 3 * (0..20).take_while(|k| 125.0 * 2_f64.powi(*k) * 1.5 < rate / 2.0).count();
-        let worst = (0..thirds).step_by(2).map(|k| (s[k] - whole[k]).abs()).fold(0.0, f64::max);
-        let [at_joins, in_recording, louder] = joins(&x, &y, &leaves, rate).unwrap_or([f64::NAN; 3]);
-        let runs = runs(&leaves);
+        let whole = statistics(&x, rate);
+        let thirds =
+            whole.len() - 3 * (0..20).take_while(|k| 125.0 * 2_f64.powi(*k) * 1.5 < rate / 2.0).count();
+        let own_kinds = differences(&parts[4], &parts[5], thirds);
+        let (mut share, mut worst) = (0.0, 0.0_f64);
+        let (mut sound, mut all_leaves, mut all_kinds) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut all_runs, mut heard_again) = (Vec::new(), 0.0);
+        for seed in 1..=SEEDS {
+            let (y, leaves, _) = synthesise_by(&own_model, "", seconds, SynthesisRules::default(), seed);
+            let s = statistics(&y, rate);
+            share += within(&s, &parts) / SEEDS as f64;
+            worst = (0..thirds).step_by(2).map(|k| (s[k] - whole[k]).abs()).fold(worst, f64::max);
+            all_kinds.push(differences(&s, &whole, thirds));
+            all_runs.extend(runs(&leaves));
+            heard_again += returns(&leaves, rate) / SEEDS as f64;
+            sound.extend(y);
+            all_leaves.extend(leaves);
+        }
+        all_runs.sort_unstable();
+        let part = all_leaves.len() / SEEDS as usize;
+        let [at_joins, in_recording, louder] =
+            joins(&x, &sound, &all_leaves, part, rate).unwrap_or([f64::NAN; 3]);
         let length = |n: usize| n as f64 / rate;
-        let (own_kinds, kinds) = (differences(&parts[4], &parts[5], thirds), differences(&s, &whole, thirds));
-        let text = |kinds: [f64; 3]| -> Vec<String> {
-            kinds.iter().zip(own_kinds).map(|(a, b)| format!("{a:.2} ({b:.2})")).collect()
+        let text = |all: &[[f64; 3]]| -> Vec<String> {
+            let one = |kind: usize| {
+                let of = || all.iter().map(move |one| one[kind]);
+                let rms = (of().map(|x| x * x).sum::<f64>() / all.len() as f64).sqrt();
+                format!("{rms:.2}, at most {:.2} ({:.2})", of().fold(0.0, f64::max), own_kinds[kind])
+            };
+            (0..3).map(one).collect()
         };
-        let kinds = text(kinds);
         let loose = ThresholdRules { quantile: 0.25, ..ThresholdRules::default() };
         let rules = SynthesisRules { join_gain: 0.0, ..SynthesisRules::default() };
-        let (loose, _, _) = synthesise_by(&model_by(rate, x.clone(), &loose), "", seconds, rules);
-        let loose = text(differences(&statistics(&loose, rate), &whole, thirds));
+        let (loose, _, _) = synthesise_by(&model_by(rate, x.clone(), &loose), "", seconds, rules, 1);
+        let loose = differences(&statistics(&loose, rate), &whole, thirds);
         let rules = SynthesisRules { repetition: 0.1, ..SynthesisRules::default() };
-        let varied = synthesise_by(&own_model, "", seconds, rules).1;
-        let heard_again = [returns(&leaves, rate), returns(&varied, rate)];
+        let varied = synthesise_by(&own_model, "", seconds, rules, 1).1;
+        let heard_again = [heard_again, returns(&varied, rate)];
         back.iter_mut().zip(heard_again).for_each(|(sum, share)| *sum += share / names.len() as f64);
         println!(
-            "{name}: {:.0} % ({:.0} %); {worst:.1} dB; {:.1} and {:.1} dB, {:.0} %; {:.2} s, {:.3} s; {}; {:.0} %, {:.0} %; {}",
-            100.0 * within(&s, &parts),
+            "{name}: {:.0} % ({:.0} %); {worst:.1} dB; {:.1} and {:.1} dB, {:.1} %; {:.2} s, {:.3} s; {}; {:.0} %, {:.0} %; {loose:.2?}",
+            100.0 * share,
             100.0 * own,
             at_joins,
             in_recording,
             100.0 * louder,
-            length(runs[runs.len() - 1]),
-            length(runs[runs.len() / 2]),
-            kinds.join(", "),
+            length(all_runs[all_runs.len() - 1]),
+            length(all_runs[all_runs.len() / 2]),
+            text(&all_kinds).join("; "),
             100.0 * heard_again[0],
             100.0 * heard_again[1],
-            loose.join(", "),
         );
     }
     println!(
@@ -465,7 +488,7 @@ fn reaction() {
             )
         };
         let rules = SynthesisRules { look_ahead: 0.0, ..SynthesisRules::default() };
-        let make = |targets| synthesise_by(&model, &score(targets), 4.0, rules.clone());
+        let make = |targets| synthesise_by(&model, &score(targets), 4.0, rules.clone(), 1);
         let (before, _, _) = make("(source: \"a\", from: 2, to: 5)");
         let (after, leaves, _) = make("(source: \"b\", from: 2, to: 5)");
         let first = before.iter().zip(&after).position(|(a, b)| a != b).unwrap_or(before.len());

@@ -54,24 +54,29 @@ fn a_drawn_score_is_followed_exactly_where_it_is_hard() {
 
 #[test]
 fn a_minute_of_texture_repeats_no_second() {
-    let folder = tempfile::tempdir().unwrap();
-    let (all, report) = positions("texture", &[], folder.path());
-    assert_eq!(all.len(), 960_000);
-    assert!(summary(&report, "report", "longest_run_s") <= 1.0);
-    assert!(summary(&report, "report", "median_run_s") <= 0.5);
-    let sound = wav(&folder.path().join("texture.wav"));
     let source = wav(Path::new("graphs/assets/recordings/birds.ogg"));
     let level =
         |x: &[f32]| 10.0 * (x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len() as f64).log10();
-    assert!((level(&sound) - level(&source)).abs() < 2.0, "{} {}", level(&sound), level(&source));
-    let is_join = |k: &usize| (all[*k].1 - all[k - 1].1 - 1.0 / 16_000.0).abs() > 1e-5;
-    let joins = (1..all.len()).filter(is_join).map(|k| k as f64 / 16_000.0).collect();
-    let take = Take { name: "birds".into(), rate: 32_000.0, samples: source };
-    let rules = LikenessRules { joins: Some(joins), ..LikenessRules::default() };
-    let joins = compare(&sound, 32_000.0, &[take], &rules).joins.unwrap();
-    // It is 1.7 dB; joins that nobody can tell from the recording have 0.
-    let excess = joins.joins_db.unwrap() - joins.recordings_db.unwrap();
-    assert!(joins.count > 60 && excess < 2.0, "{joins:?}");
+    let rules = |joins| LikenessRules { joins: Some(joins), ..LikenessRules::default() };
+    let mut louder = Vec::new();
+    for seed in ["1", "2", "3", "4"] {
+        let folder = tempfile::tempdir().unwrap();
+        let (all, report) = positions("texture", &["--seed", seed], folder.path());
+        assert_eq!(all.len(), 960_000);
+        assert!(summary(&report, "report", "longest_run_s") <= 1.0);
+        assert!(summary(&report, "report", "median_run_s") <= 0.5);
+        let sound = wav(&folder.path().join("texture.wav"));
+        assert!((level(&sound) - level(&source)).abs() < 2.0, "{} {}", level(&sound), level(&source));
+        let is_join = |k: &usize| (all[*k].1 - all[k - 1].1 - 1.0 / 16_000.0).abs() > 1e-5;
+        let joins = (1..all.len()).filter(is_join).map(|k| k as f64 / 16_000.0).collect();
+        let take = Take { name: "birds".into(), rate: 32_000.0, samples: source.clone() };
+        let joins = compare(&sound, 32_000.0, &[take], &rules(joins)).joins.unwrap();
+        assert!(joins.count > 60, "{joins:?}");
+        louder.push(joins.share_above.unwrap());
+    }
+    // Of joins that nobody can tell from the recording 5 % are louder above 8 kHz than 95 % of it. Of one minute 3 to 9 % are.
+    let mean = louder.iter().sum::<f64>() / louder.len() as f64;
+    assert!(mean < 0.07, "{louder:?}");
 }
 
 #[test]

@@ -14,6 +14,11 @@ pub struct Best {
 }
 
 impl Best {
+    /// True if something goes on, or if there is more than one candidate.
+    pub fn is_choice(&self) -> bool {
+        self.predecessors > 0 || self.nodes.len() > 1
+    }
+
     /// The number of nodes that match.
     pub fn quality(&self) -> usize {
         self.ancestors + self.predecessors

@@ -54,6 +54,17 @@ impl Repetition<'_> {
     }
 }
 
+/// The limits that hold for candidates.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Limits {
+    /// What was chosen lately is left out by chance.
+    repeats: bool,
+    /// Roots are joined at borders of the same class.
+    alike: bool,
+    /// Stretches have a greatest length.
+    run: bool,
+}
+
 /// One node of the output that is to be matched.
 pub struct Step<'a> {
     pub model: &'a TextureModel,
@@ -129,6 +140,16 @@ impl Step<'_> {
         }
     }
 
+    /// True if a candidate goes on in its recording, or begins at a border of the same class as that at which the root before it ends. As often as roots end at
+    /// borders of a class, so often roots begin there: each is chosen as often as any, as without this limit.
+    fn is_alike(&self, candidate: u32) -> bool {
+        let before = self.tree.pick(0, -1);
+        let borders = |root: u32| self.model.envelopes.borders(root);
+        before == NONE
+            || predecessor(self.model, 0, candidate, 1) == Some(before)
+            || borders(before)[1] == borders(candidate)[0]
+    }
+
     /// The best of the candidates that a condition admits, without those that go on for too long if there are others. `few` has all nodes that
     /// the condition admits, if they are few.
     pub fn best(
@@ -140,22 +161,26 @@ impl Step<'_> {
     ) -> Option<Best> {
         let admits = |m: u32| is_admitted(m) && self.is_allowed(m);
         let is_enough = |best: &Best| 100 * best.quality() >= self.rules.percent() * beside;
-        self.limits().find_map(|[repeats, run]| {
-            self.best_of(classes, few, beside, |m| admits(m) && self.is_within(m, [repeats, run]))
-                .filter(is_enough)
+        self.limits().find_map(|limits| {
+            let best = self.best_of(classes, few, beside, |m| admits(m) && self.is_within(m, limits));
+            best.filter(|best| is_enough(best) && (best.is_choice() || !limits.alike))
         })
     }
 
-    /// Which limits hold, those on repetition and on the length of a stretch: as many as leave a candidate.
-    fn limits(&self) -> impl Iterator<Item = [bool; 2]> {
+    /// Which limits hold: as many as leave a candidate.
+    fn limits(&self) -> impl Iterator<Item = Limits> {
         let (repeats, run) = (!self.repetition.counts.is_empty(), self.rules.max_run.is_some());
-        let all = [[repeats, run], [false, run], [false, false]];
+        let alike = run && self.is_root;
+        let all = [(repeats, alike, run), (repeats, false, run), (false, false, run), (false, false, false)]
+            .map(|(repeats, alike, run)| Limits { repeats, alike, run });
         (0..all.len()).filter(move |k| *k == 0 || all[*k] != all[k - 1]).map(move |k| all[k])
     }
 
     /// True if a candidate is within the limits that hold.
-    fn is_within(&self, candidate: u32, [repeats, run]: [bool; 2]) -> bool {
-        let exceeds = run && self.is_too_long(candidate) || repeats && self.repetition.omits(candidate);
+    fn is_within(&self, candidate: u32, limits: Limits) -> bool {
+        let exceeds = limits.run && self.is_too_long(candidate)
+            || limits.alike && !self.is_alike(candidate)
+            || limits.repeats && self.repetition.omits(candidate);
         !exceeds
     }
 
@@ -264,11 +289,16 @@ impl Step<'_> {
         for limits in self.limits() {
             let found =
                 self.pair_of(classes, &is_wanted, |m| self.is_allowed(m) && self.is_within(m, limits));
+            // The share of chance is that of candidates by the same limits.
+            let is_choice = |kind: &Option<Best>| kind.as_ref().is_some_and(Best::is_choice);
+            if limits.alike && !(is_choice(&found.wanted) && is_choice(&found.others)) {
+                continue;
+            }
             pair.wanted = pair.wanted.or(found.wanted);
             pair.others = pair.others.or(found.others);
             // Either kind repeats itself rather than be left out.
             let kinds = usize::from(pair.wanted.is_some()) + usize::from(pair.others.is_some());
-            if kinds > usize::from(limits[0]) {
+            if kinds > usize::from(limits.repeats) {
                 break;
             }
         }

@@ -11,7 +11,7 @@ use super::step::{Repetition, Step};
 use crate::core::random::Random;
 use crate::impl_state;
 use crate::soundtrack::score::{Constraint, Constraints, NodeSet, WeightStream};
-use crate::soundtrack::wavelet::TextureModel;
+use crate::soundtrack::wavelet::{Border, TextureModel};
 use std::sync::Arc;
 
 /// Nodes of a set up to which each is looked at.
@@ -201,7 +201,7 @@ impl Synthesizer {
         if level + 2 > model.tree.depth as usize || node >= 1 << level {
             return None;
         }
-        let longest = longest_run(model, rules, random, root);
+        let longest = longest_run(model, rules, random, root, tree.pick(0, -1));
         let (is_root, forbidden, has_masks) = (false, &[][..], *has_masks);
         let step = Step {
             longest,
@@ -277,7 +277,7 @@ impl Synthesizer {
         let Layer { tree, classes, recent, recent_roots, remaining, first, .. } = &mut layers[layer];
         remaining.children(level, node, first);
         let (own, later, distance) = (wanted.own[layer], wanted.later[layer], wanted.distance);
-        let longest = longest_run(model, rules, random, root);
+        let longest = longest_run(model, rules, random, root, tree.pick(0, -1));
         let index = ((root << level) + node as i64) as u64;
         let entity = if is_root { 0 } else { level as u32 + 1 };
         let recent = if is_root { recent_roots } else { &recent[level] };
@@ -370,10 +370,19 @@ impl Synthesizer {
     }
 }
 
-/// The longest stretch below a root, samples. A fixed length would be heard as a rhythm. Where three roots fit, more than half of all stretches are
-/// shorter than two; where two fit, they are anyway.
-fn longest_run(model: &TextureModel, rules: &SynthesisRules, random: &Random, root: i64) -> Option<f64> {
+/// The longest stretch below a root, samples; `before` is the root before it. A fixed length would be heard as a rhythm. Where three roots fit, more than half
+/// of all stretches are shorter than two; where two fit, they are anyway. What is loud above 8 kHz goes on as long as it may, so that few joins are heard.
+fn longest_run(
+    model: &TextureModel,
+    rules: &SynthesisRules,
+    random: &Random,
+    root: i64,
+    before: u32,
+) -> Option<f64> {
     let longest = rules.max_run? * model.tree.rate;
+    if before != NONE && model.envelopes.borders(before)[1] == Border::Loud {
+        return Some(longest);
+    }
     let uniform = random.uniform(0, root as u64, 2);
     let draw = if longest < 3.0 * model.tree.span(0) as f64 { uniform } else { libm::pow(uniform, 1.75) };
     Some(longest * (SHORTEST_RUN + (1.0 - SHORTEST_RUN) * draw))

@@ -1,6 +1,7 @@
 //! Levels by octave of the roots of a tree and of their edges, by which roots are joined.
 
 use super::tree::WaveletTree;
+use std::ops::Range;
 
 /// The least number of coefficients whose mean power makes a level.
 const LEAST: usize = 16;
@@ -13,6 +14,32 @@ const EDGE: usize = 4;
 
 /// The number of frames of a root, unless they have too few coefficients.
 const FRAMES: usize = 32;
+
+/// Joins are heard by what is above this frequency, Hz.
+const HIGH: f64 = 8000.0;
+/// The duration before or after a join that is heard with it, s.
+const AROUND: f64 = 0.0025;
+/// The share of the frames above [`HIGH`] that are not loud.
+const SOFT: f64 = 0.9;
+
+/// The greatest number of classes of borders that are not loud, and the least number of roots for each.
+const CLASSES: usize = 4;
+const MEMBERS: usize = 8;
+
+/// The class of a border of two roots. What is joined at borders of the same class has about the same level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Border {
+    /// Louder above 8 kHz than nine tenths of the frames of 2.5 ms of its recording, just before or just after it.
+    Loud,
+    /// Not so. By mean level over octaves, equal shares of the borders of a recording, the softest first.
+    Soft(u8),
+}
+
+impl Default for Border {
+    fn default() -> Self {
+        Self::Soft(0)
+    }
+}
 
 /// The levels of each root, and of its edges, in the octaves in which it has at least 16 coefficients.
 ///
@@ -28,6 +55,8 @@ pub struct Envelopes {
     loudest: Vec<f32>,
     /// The median of the mean-square differences of consecutive roots, dB².
     change: f64,
+    /// By root, the classes of the borders at its beginning and at its end.
+    borders: Vec<[Border; 2]>,
 }
 
 impl Envelopes {
@@ -56,6 +85,7 @@ impl Envelopes {
             let middle = changes.len() / 2;
             own.change = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
         }
+        own.borders = own.classes(tree);
         own
     }
 
@@ -78,6 +108,46 @@ impl Envelopes {
         self.loudest.get(band).copied().unwrap_or(f32::INFINITY)
     }
 
+    /// The classes of the borders at the beginning and at the end of a root.
+    #[must_use]
+    pub fn borders(&self, root: u32) -> [Border; 2] {
+        self.borders.get(root as usize).copied().unwrap_or_default()
+    }
+
+    /// [`borders`](Self::borders) of all roots. Each recording has borders of all classes, so that whatever is joined at borders of the same class comes from
+    /// any of them.
+    fn classes(&self, tree: &WaveletTree) -> Vec<[Border; 2]> {
+        let mut out = vec![[Border::default(); 2]; tree.roots()];
+        let classes = (tree.roots() / MEMBERS).clamp(1, CLASSES);
+        for source in &tree.sources {
+            let roots = source.first..source.first + source.roots;
+            // The roots before and after each border, with the edges that are at it: the last one of the one, and the first one of the other.
+            let ends = roots.clone().map(|root| (root, 1));
+            let wrap = roots.clone().next().filter(|_| source.wraps).map(|root| (root, 0));
+            let begins = roots.clone().skip(1).map(|root| Some((root, 0))).chain([wrap]);
+            let first = roots.clone().next().filter(|_| !source.wraps).map(|root| [Some((root, 0)), None]);
+            let borders = ends.zip(begins).map(|(end, begin)| [Some(end), begin]).chain(first);
+            let (high, limit) = high_levels(tree, roots.clone());
+            let mut soft: Vec<(f32, [Option<(u32, usize)>; 2])> = Vec::new();
+            for border in borders {
+                let sides = || border.into_iter().flatten();
+                if sides().any(|(root, edge)| high[(root - source.first) as usize][edge] > limit) {
+                    sides().for_each(|(root, edge)| out[root as usize][edge] = Border::Loud);
+                } else {
+                    let levels = |(root, edge)| self.edges(root).iter().map(move |octave| octave[edge]);
+                    let count = (sides().count() * self.bands).max(1);
+                    soft.push((sides().flat_map(levels).sum::<f32>() / count as f32, border));
+                }
+            }
+            soft.sort_by(|a, b| a.0.total_cmp(&b.0));
+            for (k, (_, border)) in soft.iter().enumerate() {
+                let class = Border::Soft((k * classes / soft.len()) as u8);
+                border.iter().flatten().for_each(|(root, edge)| out[*root as usize][*edge] = class);
+            }
+        }
+        out
+    }
+
     fn of(&self, root: u32) -> &[f32] {
         let k = root as usize * self.bands;
         self.levels.get(k..k + self.bands).unwrap_or(&[])
@@ -95,6 +165,37 @@ impl Envelopes {
         let difference = self.difference(a, b);
         if difference > 0.0 { (difference / self.change).sqrt() } else { 0.0 }
     }
+}
+
+/// The power above [`HIGH`] in the first and in the last frame of [`AROUND`] of each root, and that which the share [`SOFT`] of all frames does not exceed.
+fn high_levels(tree: &WaveletTree, roots: Range<u32>) -> (Vec<[f32; 2]>, f32) {
+    let finest = tree.depth as usize - 1;
+    // The share of each octave that is above the frequency; the finest one stands for it at low rates.
+    let share = |octave: usize| {
+        let top = tree.rate / tree.span(octave) as f64;
+        (2.0 * (top - HIGH) / top).clamp(if octave == finest { 0.01 } else { 0.0 }, 1.0) as f32
+    };
+    let octaves: Vec<(usize, f32)> = (0..=finest).map(|l| (l, share(l))).filter(|o| o.1 > 0.0).collect();
+    let most = octaves.first().map_or(1, |(octave, _)| 1 << octave);
+    let count = ((tree.span(0) as f64 / tree.rate / AROUND).round() as usize).clamp(1, most);
+    let power = |root: usize, frame: usize| {
+        let of = |(octave, share): &(usize, f32)| {
+            let [from, to] =
+                [frame, frame + 1].map(|k| ((root * count + k) << octave) / count * tree.channels);
+            share * tree.details[*octave][from..to].iter().map(|x| x * x).sum::<f32>()
+        };
+        octaves.iter().map(of).sum::<f32>()
+    };
+    let frames = roots.flat_map(|root| (0..count).map(move |frame| (root as usize, frame)));
+    let mut powers: Vec<f32> = frames.map(|(root, frame)| power(root, frame)).collect();
+    let edges = powers.chunks_exact(count).map(|own| [own[0], own[count - 1]]).collect();
+    let soft = (SOFT * powers.len() as f64) as usize;
+    let limit = if soft < powers.len() {
+        *powers.select_nth_unstable_by(soft, f32::total_cmp).1
+    } else {
+        f32::INFINITY
+    };
+    (edges, limit)
 }
 
 /// The mean power of coefficients, in dB.
@@ -116,6 +217,7 @@ pub fn frames(
 
 #[cfg(test)]
 mod tests {
+    use super::super::tree::{TreeRecording, TreeRules};
     use super::*;
     use crate::core::item::Data;
     use crate::core::random::Rng;
@@ -171,6 +273,43 @@ mod tests {
             );
         }
         assert!(envelopes.edges(tree.roots() as u32).is_empty());
+    }
+
+    #[test]
+    fn borders_have_classes_by_level_in_each_recording() {
+        let mut rng = Rng::new(5);
+        let mut recording = |roots: usize, name: &str| {
+            let channels = vec![(0..roots * 1024 + 960).map(|_| rng.between(-1.0, 1.0) as f32).collect()];
+            TreeRecording { name: name.into(), content: String::new(), channels }
+        };
+        let recordings = [recording(40, "rising"), recording(20, "softer")];
+        let rules = TreeRules { block: Some(1024.5 / 48e3), ..TreeRules::default() };
+        let mut tree = WaveletTree::analyse(48e3, &recordings, &rules).unwrap();
+        assert_eq!((tree.roots(), tree.span(0)), (60, 1024));
+        tree.sources[0].wraps = false;
+        // Each root is 1 dB above the one before it, and the second recording is 60 dB softer.
+        let of = |root: usize| if root < 40 { root as f32 } else { root as f32 - 100.0 };
+        for (level, details) in tree.details.iter_mut().enumerate() {
+            details.iter_mut().enumerate().for_each(|(k, x)| *x = 10_f32.powf(of(k >> level) / 20.0));
+        }
+        let envelopes = Envelopes::new(&tree);
+        let ends = |roots: std::ops::Range<u32>| -> Vec<Border> {
+            roots.map(|root| envelopes.borders(root)[1]).collect()
+        };
+        // Louder than the frames of nine tenths of 40 roots are the last three; the border before them is one of theirs.
+        let first = ends(0..40);
+        assert_eq!(first.iter().position(|b| *b == Border::Loud), Some(36), "{first:?}");
+        assert!(first[36..].iter().all(|b| *b == Border::Loud));
+        let classes = |all: &[Border]| {
+            [0, 1, 2, 3].map(|class| all.iter().filter(|b| **b == Border::Soft(class)).count())
+        };
+        // With the border before the first root there are 37 that are not loud.
+        assert_eq!((envelopes.borders(0)[0], classes(&first)), (Border::Soft(0), [9, 9, 9, 9]));
+        assert!((1..40).all(|root| envelopes.borders(root)[0] == first[root as usize - 1]));
+        let second = ends(40..60);
+        assert_eq!(envelopes.borders(40)[0], second[19], "it wraps");
+        assert_eq!(classes(&second).iter().sum::<usize>(), 18, "{second:?}");
+        assert!(classes(&second).iter().all(|n| *n >= 4), "{second:?}");
     }
 
     #[test]

@@ -165,8 +165,19 @@ fn naive_choice(
             (m, n, run) = (picks[at][n - 1], n - 1, run + 1);
         }
         let root = if is_root { n0 } else { n0 >> (level + 1) } as u64;
-        let share = 0.25 + 0.75 * random.uniform(0, root, 2);
+        let is_loud = root > 0 && model.envelopes.borders(picks[0][root as usize - 1])[1] == Border::Loud;
+        let share = if is_loud { 1.0 } else { 0.25 + 0.75 * random.uniform(0, root, 2) };
         run > count && f64::from(run) * model.tree.span(at) as f64 > longest * share * model.tree.rate
+    };
+    let not_alike = |c: u32| {
+        let borders = |m: u32| model.envelopes.borders(m);
+        let joins =
+            |before: u32| predecessor(model, 0, c, 1) != Some(before) && borders(before)[1] != borders(c)[0];
+        is_root && rules.max_run.is_some() && node > 0 && joins(picks[0][node - 1])
+    };
+    // One root that does not go on is no choice.
+    let is_choice = |best: &Best| {
+        !is_root || rules.max_run.is_none() || node == 0 || best.predecessors > 0 || best.nodes.len() > 1
     };
     let best_of = |nodes: Vec<u32>, admits: &dyn Fn(u32) -> bool| {
         let mut found: Option<Best> = None;
@@ -199,7 +210,10 @@ fn naive_choice(
         let narrow = (rules.search == CandidateSearch::Narrow).then(|| best_of(children(), admits)).flatten();
         narrow.or_else(|| best_of((0..model.tree.nodes(level) as u32).collect(), admits))
     };
-    let best = |admits: &dyn Fn(u32) -> bool| any(&|c| admits(c) && !too_long(c)).or_else(|| any(admits));
+    let best = |admits: &dyn Fn(u32) -> bool| {
+        let within = any(&|c| admits(c) && !too_long(c) && !not_alike(c)).filter(is_choice);
+        within.or_else(|| any(&|c| admits(c) && !too_long(c))).or_else(|| any(admits))
+    };
     let span = model.tree.span(level) as f64;
     let at = |node: f64| (node * span / RATE, (node + 1.0) * span / RATE);
     let mut forbidden = Vec::new();
@@ -246,9 +260,12 @@ fn naive_choice(
             });
             before.fold(if is_root { 0.0 } else { above }, |sum, x| sum + x)
         };
-        let nodes = (0..model.tree.nodes(level) as u32)
-            .filter(|c| admits(*c) && !too_long(*c) && !model.is_redundant(level, *c));
-        nodes.min_by(|a, b| difference(*a).total_cmp(&difference(*b))).unwrap()
+        let nodes = || {
+            (0..model.tree.nodes(level) as u32)
+                .filter(|c| admits(*c) && !too_long(*c) && !model.is_redundant(level, *c))
+        };
+        let least = |a: &u32, b: &u32| difference(*a).total_cmp(&difference(*b));
+        nodes().filter(|c| !not_alike(*c)).min_by(least).or_else(|| nodes().min_by(least)).unwrap()
     };
     let Some(main) = own.or(later) else {
         let picked = best(&allowed).map_or_else(|| least(&allowed), pick);
@@ -259,22 +276,30 @@ fn naive_choice(
         // The first that matches well enough: without those that are too long, or with them.
         let is_enough = |w: &Best| own.as_ref().is_some_and(|own| !is_discarded(w, own, rules.percent()));
         let prepared = |c: u32| allowed(c) && now(c) && then(c) && later.is_some();
-        let prepared = any(&|c| prepared(c) && !too_long(c))
-            .filter(is_enough)
+        let prepared = any(&|c| prepared(c) && !too_long(c) && !not_alike(c))
+            .filter(|best| is_enough(best) && is_choice(best))
+            .or_else(|| any(&|c| prepared(c) && !too_long(c)).filter(is_enough))
             .or_else(|| any(&prepared).filter(|w| rules.max_run.is_some() && is_enough(w)));
         let picked = prepared.or(own).map_or_else(|| least(&|c| allowed(c) && now(c)), pick);
         return (picked, left.into_inner());
     }
     let pair = |is_wanted: &dyn Fn(u32) -> bool| {
-        let of = |limited: bool| {
-            let kind = |kind: bool| any(&|c| allowed(c) && is_wanted(c) == kind && !(limited && too_long(c)));
+        let of = |limited: bool, alike: bool| {
+            let kind = |kind: bool| {
+                let is_within = |c: u32| !(limited && too_long(c) || alike && not_alike(c));
+                any(&|c| allowed(c) && is_wanted(c) == kind && is_within(c))
+            };
             match (kind(true), kind(false)) {
                 (Some(w), Some(v)) if !is_root && is_discarded(&w, &v, rules.percent()) => (None, Some(v)),
                 (Some(w), Some(v)) if !is_root && is_discarded(&v, &w, rules.percent()) => (Some(w), None),
                 both => both,
             }
         };
-        if of(true) == (None, None) { of(false) } else { of(true) }
+        match of(true, true) {
+            (Some(w), Some(v)) if is_choice(&w) && is_choice(&v) => (Some(w), Some(v)),
+            _ if of(true, false) == (None, None) => of(false, false),
+            _ => of(true, false),
+        }
     };
     let mut both = pair(&|c| now(c) && then(c));
     if both.0.is_none() && own.is_some() && later.is_some() {
@@ -322,6 +347,27 @@ fn the_search_finds_what_comparing_all_nodes_finds() {
         assert_eq!(fast, naive(&model, &none, &rules, 12, seed), "seed {seed}");
         assert!(counts.capped == 0 && counts.steps == 12 * 64, "{counts:?}");
     }
+}
+
+#[test]
+fn roots_are_joined_at_borders_of_a_class_and_chosen_equally_often() {
+    let model = model_of(vec![texture(6000, 1, 4)], TreeFit::Circular, 0.13, 0.002);
+    let roots = model.tree.roots();
+    let rules = SynthesisRules { max_run: Some(0.3), ..free() };
+    let (picks, _) = synthesised(&model, &Arc::new(Constraints::default()), &rules, 100 * roots, 7);
+    let borders = |root: u32| model.envelopes.borders(root);
+    let mut counts = vec![0; roots];
+    picks[0].iter().for_each(|root| counts[*root as usize] += 1);
+    let joins = || picks[0].windows(2).filter(|pair| predecessor(&model, 0, pair[1], 1) != Some(pair[0]));
+    let alike = joins().filter(|pair| borders(pair[0])[1] == borders(pair[1])[0]).count();
+    assert_eq!(alike, joins().count());
+    assert!(counts.iter().all(|n| (60..150).contains(n)), "{counts:?}");
+    // Fewer at loud borders.
+    let loud =
+        |roots: &mut dyn Iterator<Item = u32>| roots.filter(|m| borders(*m)[1] == Border::Loud).count();
+    let share = loud(&mut joins().map(|pair| pair[0])) as f64 / joins().count() as f64;
+    let expected = loud(&mut picks[0].iter().copied()) as f64 / picks[0].len() as f64;
+    assert!(expected > 0.05 && share < 0.8 * expected, "{share} {expected}");
 }
 
 #[test]
