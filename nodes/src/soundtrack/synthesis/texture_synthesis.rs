@@ -66,7 +66,7 @@ params! {
         search: CandidateSearch = CandidateSearch::Exact;
         /// Longest stretch of a recording that is repeated as it is, unless there is no other choice; None for no limit. Stretches in which one
         /// would go on have random lengths from a quarter of it; where three blocks fit, short ones are more likely. A stretch goes on as long as it may
-        /// where the recording is loud above 8 kHz, and blocks are joined where it has similar levels: each is as frequent as any.
+        /// where the recording is loud above 8 kHz, and blocks are joined where it has similar levels: each is about as frequent as any.
         max_run: Option<f64> = Some(1.0), unit "s", range 0.001..=3600.0;
         /// Probability that a node remains a candidate, for each time that it was chosen within `memory`, while there are others; 1 for no preference.
         repetition: f64 = 1.0, unit "", range 0.0..=1.0;

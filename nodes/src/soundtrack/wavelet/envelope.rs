@@ -114,8 +114,8 @@ impl Envelopes {
         self.borders.get(root as usize).copied().unwrap_or_default()
     }
 
-    /// [`borders`](Self::borders) of all roots. Each recording has borders of all classes, so that whatever is joined at borders of the same class comes from
-    /// any of them.
+    /// [`borders`](Self::borders) of all roots. Classes are those of each recording by itself: a soft one is joined with a loud one as often as with another
+    /// soft one.
     fn classes(&self, tree: &WaveletTree) -> Vec<[Border; 2]> {
         let mut out = vec![[Border::default(); 2]; tree.roots()];
         let classes = (tree.roots() / MEMBERS).clamp(1, CLASSES);
@@ -190,11 +190,7 @@ fn high_levels(tree: &WaveletTree, roots: Range<u32>) -> (Vec<[f32; 2]>, f32) {
     let mut powers: Vec<f32> = frames.map(|(root, frame)| power(root, frame)).collect();
     let edges = powers.chunks_exact(count).map(|own| [own[0], own[count - 1]]).collect();
     let soft = (SOFT * powers.len() as f64) as usize;
-    let limit = if soft < powers.len() {
-        *powers.select_nth_unstable_by(soft, f32::total_cmp).1
-    } else {
-        f32::INFINITY
-    };
+    let limit = *powers.select_nth_unstable_by(soft, f32::total_cmp).1;
     (edges, limit)
 }
 
@@ -293,9 +289,8 @@ mod tests {
             details.iter_mut().enumerate().for_each(|(k, x)| *x = 10_f32.powf(of(k >> level) / 20.0));
         }
         let envelopes = Envelopes::new(&tree);
-        let ends = |roots: std::ops::Range<u32>| -> Vec<Border> {
-            roots.map(|root| envelopes.borders(root)[1]).collect()
-        };
+        let ends =
+            |roots: Range<u32>| -> Vec<Border> { roots.map(|root| envelopes.borders(root)[1]).collect() };
         // Louder than the frames of nine tenths of 40 roots are the last three; the border before them is one of theirs.
         let first = ends(0..40);
         assert_eq!(first.iter().position(|b| *b == Border::Loud), Some(36), "{first:?}");
