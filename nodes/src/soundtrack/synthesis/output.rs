@@ -82,6 +82,12 @@ impl OutputTree {
         if k < 0 { NONE } else { self.levels[level].picks[k as usize] }
     }
 
+    /// The root of the model that a leaf was copied from; `None` before the first root. The nodes above the leaf may be copied from others.
+    pub fn root_of_leaf(&self, leaf: isize) -> Option<u32> {
+        let finest = self.levels.len().saturating_sub(1);
+        Some(self.pick(finest, leaf)).filter(|leaf| *leaf != NONE).map(|leaf| leaf >> finest)
+    }
+
     /// The length of the stretch that a node ends, in nodes.
     pub fn run(&self, level: usize, node: isize) -> u32 {
         self.levels[level].runs[(node + self.history as isize) as usize]

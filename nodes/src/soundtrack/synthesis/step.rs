@@ -140,14 +140,14 @@ impl Step<'_> {
         }
     }
 
-    /// True if a candidate goes on in its recording, or begins at a border of the same class as that at which the root before it ends. As often as roots end at
-    /// borders of a class, so often roots begin there: each is chosen as often as any, as without this limit.
+    /// True if a candidate goes on in its recording, or begins at a border of the same class as that at which the root of the last leaf ends. As often as roots
+    /// end at borders of a class, so often roots begin there: each is chosen as often as any, as without this limit.
     fn is_alike(&self, candidate: u32) -> bool {
-        let before = self.tree.pick(0, -1);
         let borders = |root: u32| self.model.envelopes.borders(root);
-        before == NONE
-            || predecessor(self.model, 0, candidate, 1) == Some(before)
-            || borders(before)[1] == borders(candidate)[0]
+        self.tree.root_of_leaf(-1).is_none_or(|before| {
+            predecessor(self.model, 0, candidate, 1) == Some(before)
+                || borders(before)[1] == borders(candidate)[0]
+        })
     }
 
     /// The best of the candidates that a condition admits, without those that go on for too long if there are others. `few` has all nodes that
@@ -163,14 +163,19 @@ impl Step<'_> {
         let is_enough = |best: &Best| 100 * best.quality() >= self.rules.percent() * beside;
         self.limits().find_map(|limits| {
             let best = self.best_of(classes, few, beside, |m| admits(m) && self.is_within(m, limits));
-            best.filter(|best| is_enough(best) && (best.is_choice() || !limits.alike))
+            best.filter(|best| is_enough(best) && (self.is_choice(best) || !limits.alike))
         })
+    }
+
+    /// True if candidates for a root are a choice. The root whose children follow may be the only one that matches it.
+    fn is_choice(&self, best: &Best) -> bool {
+        !self.is_root || best.is_choice()
     }
 
     /// Which limits hold: as many as leave a candidate.
     fn limits(&self) -> impl Iterator<Item = Limits> {
         let (repeats, run) = (!self.repetition.counts.is_empty(), self.rules.max_run.is_some());
-        let alike = run && self.is_root;
+        let alike = run && self.level == 0;
         let all = [(repeats, alike, run), (repeats, false, run), (false, false, run), (false, false, false)]
             .map(|(repeats, alike, run)| Limits { repeats, alike, run });
         (0..all.len()).filter(move |k| *k == 0 || all[*k] != all[k - 1]).map(move |k| all[k])
@@ -290,7 +295,7 @@ impl Step<'_> {
             let found =
                 self.pair_of(classes, &is_wanted, |m| self.is_allowed(m) && self.is_within(m, limits));
             // The share of chance is that of candidates by the same limits.
-            let is_choice = |kind: &Option<Best>| kind.as_ref().is_some_and(Best::is_choice);
+            let is_choice = |kind: &Option<Best>| kind.as_ref().is_some_and(|best| self.is_choice(best));
             if limits.alike && !(is_choice(&found.wanted) && is_choice(&found.others)) {
                 continue;
             }

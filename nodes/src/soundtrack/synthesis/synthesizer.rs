@@ -180,12 +180,8 @@ impl Synthesizer {
                 }
             }
         }
-        let finest = depth.saturating_sub(1);
-        let root_of = |node: isize| {
-            let leaf = self.layers[0].tree.pick(finest, node);
-            (leaf != NONE).then_some(leaf >> finest)
-        };
-        let join = root_of(-1).zip(root_of(0)).filter(|_| goes_on);
+        let tree = &self.layers[0].tree;
+        let join = tree.root_of_leaf(-1).zip(tree.root_of_leaf(0)).filter(|_| goes_on);
         self.joins.advance(&self.model, join);
         for layer in &mut self.layers {
             self.counts.capped += std::mem::take(&mut layer.classes.capped);
@@ -201,7 +197,7 @@ impl Synthesizer {
         if level + 2 > model.tree.depth as usize || node >= 1 << level {
             return None;
         }
-        let longest = longest_run(model, rules, random, root, tree.pick(0, -1));
+        let longest = longest_run(model, rules, random, root, tree.root_of_leaf(-1));
         let (is_root, forbidden, has_masks) = (false, &[][..], *has_masks);
         let step = Step {
             longest,
@@ -277,7 +273,7 @@ impl Synthesizer {
         let Layer { tree, classes, recent, recent_roots, remaining, first, .. } = &mut layers[layer];
         remaining.children(level, node, first);
         let (own, later, distance) = (wanted.own[layer], wanted.later[layer], wanted.distance);
-        let longest = longest_run(model, rules, random, root, tree.pick(0, -1));
+        let longest = longest_run(model, rules, random, root, tree.root_of_leaf(-1));
         let index = ((root << level) + node as i64) as u64;
         let entity = if is_root { 0 } else { level as u32 + 1 };
         let recent = if is_root { recent_roots } else { &recent[level] };
@@ -370,17 +366,17 @@ impl Synthesizer {
     }
 }
 
-/// The longest stretch below a root, samples; `before` is the root before it. A fixed length would be heard as a rhythm. Where three roots fit, more than half
+/// The longest stretch below a root, samples; `before` is the root of the leaf before it. A fixed length would be heard as a rhythm. Where three roots fit, more than half
 /// of all stretches are shorter than two; where two fit, they are anyway. What is loud above 8 kHz goes on as long as it may, so that few joins are heard.
 fn longest_run(
     model: &TextureModel,
     rules: &SynthesisRules,
     random: &Random,
     root: i64,
-    before: u32,
+    before: Option<u32>,
 ) -> Option<f64> {
     let longest = rules.max_run? * model.tree.rate;
-    if before != NONE && model.envelopes.borders(before)[1] == Border::Loud {
+    if before.is_some_and(|before| model.envelopes.borders(before)[1] == Border::Loud) {
         return Some(longest);
     }
     let uniform = random.uniform(0, root as u64, 2);

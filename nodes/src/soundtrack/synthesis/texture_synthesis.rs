@@ -180,7 +180,7 @@ impl Node for TextureSynthesis {
     const NAME: &'static str = "TextureSynthesis";
     const CLASS: Class = Class::Worker;
     const COST: f64 = 100.0;
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
 
     fn shape(p: &TextureSynthesisParams, s: &mut Shape<'_, '_, TextureSynthesisPorts>) -> Result<(), Reject> {
         if let Some(weights) = s.optional(TextureSynthesisPorts::weights) {

@@ -85,9 +85,10 @@ fn naive(
     let mut picks: Vec<Vec<u32>> = (0..depth).map(|l| vec![NONE; roots << l]).collect();
     // The candidates that are left of each node.
     let mut remaining: Vec<Vec<Vec<u32>>> = (0..depth).map(|l| vec![Vec::new(); roots << l]).collect();
-    for pass in 0..depth {
+    let passes = (0..roots).flat_map(|root| (0..depth).map(move |pass| (root, pass)));
+    for (root, pass) in passes {
         let level = pass.saturating_sub(1);
-        for node in 0..roots << level {
+        for node in root << level..(root + 1) << level {
             let parents = if level > 0 { &remaining[level - 1][node / 2][..] } else { &[] };
             let (pick, left) =
                 naive_choice(model, constraints, rules, &random, &picks, parents, level, node, pass == 0);
@@ -155,6 +156,8 @@ fn naive_choice(
             MatchCount::Total => (1..=k).filter(ok).count(),
         }
     };
+    let finest = picks.len() - 1;
+    let root_before = |root: usize| picks[finest][(root << finest) - 1] >> finest;
     let too_long = |c: u32| {
         let (at, first, node, count) =
             if is_root { (0, c, node, 1) } else { (level + 1, 2 * c, 2 * node, 2) };
@@ -165,7 +168,7 @@ fn naive_choice(
             (m, n, run) = (picks[at][n - 1], n - 1, run + 1);
         }
         let root = if is_root { n0 } else { n0 >> (level + 1) } as u64;
-        let is_loud = root > 0 && model.envelopes.borders(picks[0][root as usize - 1])[1] == Border::Loud;
+        let is_loud = root > 0 && model.envelopes.borders(root_before(root as usize))[1] == Border::Loud;
         let share = if is_loud { 1.0 } else { 0.25 + 0.75 * random.uniform(0, root, 2) };
         run > count && f64::from(run) * model.tree.span(at) as f64 > longest * share * model.tree.rate
     };
@@ -173,7 +176,7 @@ fn naive_choice(
         let borders = |m: u32| model.envelopes.borders(m);
         let joins =
             |before: u32| predecessor(model, 0, c, 1) != Some(before) && borders(before)[1] != borders(c)[0];
-        is_root && rules.max_run.is_some() && node > 0 && joins(picks[0][node - 1])
+        level == 0 && rules.max_run.is_some() && node > 0 && joins(root_before(node))
     };
     // One root that does not go on is no choice.
     let is_choice = |best: &Best| {
@@ -358,16 +361,26 @@ fn roots_are_joined_at_borders_of_a_class_and_chosen_equally_often() {
     let borders = |root: u32| model.envelopes.borders(root);
     let mut counts = vec![0; roots];
     picks[0].iter().for_each(|root| counts[*root as usize] += 1);
-    let joins = || picks[0].windows(2).filter(|pair| predecessor(&model, 0, pair[1], 1) != Some(pair[0]));
-    let alike = joins().filter(|pair| borders(pair[0])[1] == borders(pair[1])[0]).count();
+    assert!(counts.iter().all(|n| (50..170).contains(n)), "{counts:?}");
+    // The roots of the last leaf before each root, and the root.
+    let finest = model.tree.depth as usize - 1;
+    let pairs = || (1..picks[0].len()).map(|k| (picks[finest][(k << finest) - 1] >> finest, picks[0][k]));
+    let joins = || pairs().filter(|(before, root)| predecessor(&model, 0, *root, 1) != Some(*before));
+    let alike = joins().filter(|(before, root)| borders(*before)[1] == borders(*root)[0]).count();
     assert_eq!(alike, joins().count());
-    assert!(counts.iter().all(|n| (60..150).contains(n)), "{counts:?}");
     // Fewer at loud borders.
     let loud =
         |roots: &mut dyn Iterator<Item = u32>| roots.filter(|m| borders(*m)[1] == Border::Loud).count();
-    let share = loud(&mut joins().map(|pair| pair[0])) as f64 / joins().count() as f64;
+    let share = loud(&mut joins().map(|pair| pair.0)) as f64 / joins().count() as f64;
     let expected = loud(&mut picks[0].iter().copied()) as f64 / picks[0].len() as f64;
     assert!(expected > 0.05 && share < 0.8 * expected, "{share} {expected}");
+    // The same holds for the leaves, which are what is heard. Some stretches end within a root, where there are no borders.
+    let leaves = picks[finest].windows(2).skip((1 << finest) - 1).step_by(1 << finest);
+    let heard =
+        leaves.filter(|pair| pair[0] + 1 != pair[1] && ((pair[0] + 1) | pair[1]) % (1 << finest) == 0);
+    let heard: Vec<[u32; 2]> = heard.map(|pair| [pair[0] >> finest, pair[1] >> finest]).collect();
+    let unlike = heard.iter().filter(|[before, root]| borders(*before)[1] != borders(*root)[0]).count();
+    assert!(heard.len() > 10 * roots && 10 * unlike < heard.len(), "{unlike} of {}", heard.len());
 }
 
 #[test]
