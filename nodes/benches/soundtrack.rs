@@ -285,13 +285,16 @@ fn gestures() {
 /// Levels and kurtosis of third octaves, and levels of modulation in four bands of octaves, of a sound.
 fn statistics(x: &[f32], rate: f64) -> Vec<f64> {
     let x: Vec<f64> = x.iter().map(|x| f64::from(*x)).collect();
+    // Without both ends, where the filters settle: a sound that is cut where it is loud begins and ends with a step.
     let band = |x: &[f64], rate: f64, low: f64, high: f64| {
         let pass = |band, cutoff: f64| Butterworth::design(band, 3, cutoff, rate);
-        match (pass(Band::HighPass, low), pass(Band::LowPass, high)) {
+        let y = match (pass(Band::HighPass, low), pass(Band::LowPass, high)) {
             (Ok(a), Ok(b)) => zero_phase(&b, &zero_phase(&a, x)),
             (Ok(a), Err(_)) => zero_phase(&a, x),
             _ => x.to_vec(),
-        }
+        };
+        let settled = ((2.0 * rate / (high - low)) as usize).min(x.len() / 4);
+        y[settled..y.len() - settled].to_vec()
     };
     let power = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64;
     let mut out = Vec::new();

@@ -6,7 +6,7 @@ use super::output::{NONE, OutputTree};
 use super::rules::{MatchCount, MatchCriterion, SynthesisRules};
 use crate::core::random::Random;
 use crate::soundtrack::score::{Constraints, NodeSet};
-use crate::soundtrack::wavelet::TextureModel;
+use crate::soundtrack::wavelet::{BorderKind, TextureModel};
 
 /// Ancestors that count for the most similar node.
 pub const APPROXIMATE_ANCESTORS: usize = 6;
@@ -106,7 +106,7 @@ impl Step<'_> {
         !is_masked && !self.model.is_redundant(level, candidate) && !self.forbidden.iter().any(excluded)
     }
 
-    /// True if a candidate would go on with a stretch of its recording beyond the longest.
+    /// True if a candidate would go on with a stretch of its recording beyond the longest, or so far that it has to end where it is loud.
     fn is_too_long(&self, candidate: u32) -> bool {
         let Some(longest) = self.longest else { return false };
         let (level, node, count) =
@@ -117,7 +117,15 @@ impl Step<'_> {
             return false;
         }
         let nodes = self.tree.run(level, node - 1) + count;
-        f64::from(nodes) * self.model.tree.span(level) as f64 > longest
+        let length = f64::from(nodes) * self.model.tree.span(level) as f64;
+        length > longest || self.level == 0 && self.ends_loud(length)
+    }
+
+    /// True if a stretch that goes on at the end of the last leaf, to a length in samples, has to end at the next border of roots, which is loud.
+    fn ends_loud(&self, length: f64) -> bool {
+        let is_before = |root: u32| self.model.envelopes.borders(root)[1].kind == BorderKind::BeforeLoud;
+        let longest = self.rules.max_run.unwrap_or(f64::INFINITY) * self.model.tree.rate;
+        length + self.model.tree.span(0) as f64 > longest && self.tree.root_of_leaf(-1).is_some_and(is_before)
     }
 
     /// The predecessors of a candidate that match.

@@ -11,7 +11,7 @@ use super::step::{Repetition, Step};
 use crate::core::random::Random;
 use crate::impl_state;
 use crate::soundtrack::score::{Constraint, Constraints, NodeSet, WeightStream};
-use crate::soundtrack::wavelet::{Border, TextureModel};
+use crate::soundtrack::wavelet::{BorderKind, TextureModel};
 use std::sync::Arc;
 
 /// Nodes of a set up to which each is looked at.
@@ -376,7 +376,7 @@ fn longest_run(
     before: Option<u32>,
 ) -> Option<f64> {
     let longest = rules.max_run? * model.tree.rate;
-    if before.is_some_and(|before| model.envelopes.borders(before)[1] == Border::Loud) {
+    if before.is_some_and(|before| model.envelopes.borders(before)[1].kind == BorderKind::Loud) {
         return Some(longest);
     }
     let uniform = random.uniform(0, root as u64, 2);

@@ -22,23 +22,31 @@ const AROUND: f64 = 0.0025;
 /// The share of the frames above [`HIGH`] that are not loud.
 const SOFT: f64 = 0.9;
 
-/// The greatest number of classes of borders that are not loud, and the least number of roots for each.
+/// The greatest number of classes of borders of a kind, and the least number of borders in each.
 const CLASSES: usize = 4;
 const MEMBERS: usize = 8;
+/// The least number of borders before loud ones at which stretches end instead.
+const BEFORE: usize = 4;
 
-/// The class of a border of two roots. What is joined at borders of the same class has about the same level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Border {
-    /// Louder above 8 kHz than nine tenths of the frames of 2.5 ms of its recording, just before or just after it.
+/// What a border of two roots is like above 8 kHz.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BorderKind {
+    /// Neither of the others.
+    #[default]
+    Soft,
+    /// Not loud, but the border after it is.
+    BeforeLoud,
+    /// Louder than nine tenths of the frames of 2.5 ms of its recording, just before or just after it.
     Loud,
-    /// Not so. By mean level over octaves, equal shares of the borders of a recording, the softest first.
-    Soft(u8),
 }
 
-impl Default for Border {
-    fn default() -> Self {
-        Self::Soft(0)
-    }
+/// The class of a border of two roots. What is joined at borders of the same class has about the same level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Border {
+    /// What it is like.
+    pub kind: BorderKind,
+    /// By mean level over octaves, equal shares of the borders of this kind of a recording, the softest first.
+    pub class: u8,
 }
 
 /// The levels of each root, and of its edges, in the octaves in which it has at least 16 coefficients.
@@ -118,34 +126,34 @@ impl Envelopes {
     /// soft one.
     fn classes(&self, tree: &WaveletTree) -> Vec<[Border; 2]> {
         let mut out = vec![[Border::default(); 2]; tree.roots()];
-        let classes = (tree.roots() / MEMBERS).clamp(1, CLASSES);
         for source in &tree.sources {
             let roots = source.first..source.first + source.roots;
             // The roots before and after each border, with the edges that are at it: the last one of the one, and the first one of the other.
             let ends = roots.clone().map(|root| (root, 1));
             let wrap = roots.clone().next().filter(|_| source.wraps).map(|root| (root, 0));
             let begins = roots.clone().skip(1).map(|root| Some((root, 0))).chain([wrap]);
-            let first = roots.clone().next().filter(|_| !source.wraps).map(|root| [Some((root, 0)), None]);
-            let borders = ends.zip(begins).map(|(end, begin)| [Some(end), begin]).chain(first);
-            let (high, limit) = high_levels(tree, roots.clone());
-            let mut soft: Vec<(f32, [Option<(u32, usize)>; 2])> = Vec::new();
-            for border in borders {
-                let sides = || border.into_iter().flatten();
-                if sides().any(|(root, edge)| high[(root - source.first) as usize][edge] > limit) {
-                    sides().for_each(|(root, edge)| out[root as usize][edge] = Border::Loud);
-                } else {
-                    let levels = |(root, edge)| self.edges(root).iter().map(move |octave| octave[edge]);
-                    let count = (sides().count() * self.bands).max(1);
-                    soft.push((sides().flat_map(levels).sum::<f32>() / count as f32, border));
+            let first = roots.clone().next().filter(|_| !source.wraps).map(|root| [None, Some((root, 0))]);
+            let borders: Vec<[Option<(u32, usize)>; 2]> =
+                ends.zip(begins).map(|(end, begin)| [Some(end), begin]).chain(first).collect();
+            for (kind, of) in kinds(tree, roots, &borders) {
+                let mut levels: Vec<(f32, usize)> = of.iter().map(|k| (self.at(&borders[*k]), *k)).collect();
+                levels.sort_by(|a, b| a.0.total_cmp(&b.0));
+                let classes = (levels.len() / MEMBERS).clamp(1, CLASSES);
+                for (n, (_, k)) in levels.iter().enumerate() {
+                    let border = Border { kind, class: (n * classes / levels.len()) as u8 };
+                    borders[*k].iter().flatten().for_each(|(root, edge)| out[*root as usize][*edge] = border);
                 }
-            }
-            soft.sort_by(|a, b| a.0.total_cmp(&b.0));
-            for (k, (_, border)) in soft.iter().enumerate() {
-                let class = Border::Soft((k * classes / soft.len()) as u8);
-                border.iter().flatten().for_each(|(root, edge)| out[*root as usize][*edge] = class);
             }
         }
         out
+    }
+
+    /// The mean level of the edges at a border over octaves, in dB.
+    fn at(&self, border: &[Option<(u32, usize)>; 2]) -> f32 {
+        let sides = || border.iter().flatten();
+        let levels =
+            |(root, edge): &(u32, usize)| self.edges(*root).iter().map(|octave| octave[*edge]).sum::<f32>();
+        sides().map(levels).sum::<f32>() / (sides().count() * self.bands).max(1) as f32
     }
 
     fn of(&self, root: u32) -> &[f32] {
@@ -165,6 +173,27 @@ impl Envelopes {
         let difference = self.difference(a, b);
         if difference > 0.0 { (difference / self.change).sqrt() } else { 0.0 }
     }
+}
+
+/// The borders of a recording by their kind. Border `k` is at the end of root `k`; one more may be before the first.
+fn kinds(
+    tree: &WaveletTree,
+    roots: Range<u32>,
+    borders: &[[Option<(u32, usize)>; 2]],
+) -> [(BorderKind, Vec<usize>); 3] {
+    let (high, limit) = high_levels(tree, roots.clone());
+    let is_loud = |k: &usize| {
+        let high = |(root, edge): &(u32, usize)| high[(root - roots.start) as usize][*edge];
+        borders[*k].iter().flatten().any(|side| high(side) > limit)
+    };
+    let (loud, soft): (Vec<usize>, Vec<usize>) = (0..borders.len()).partition(is_loud);
+    let next = |k: &usize| borders[*k][1].map(|(root, _)| (root - roots.start) as usize);
+    let is_before = |k: &usize| next(k).is_some_and(|next| loud.binary_search(&next).is_ok());
+    let (before, rest): (Vec<usize>, Vec<usize>) = soft.iter().partition(|k| is_before(k));
+    if before.len() < BEFORE {
+        return [(BorderKind::Loud, loud), (BorderKind::BeforeLoud, Vec::new()), (BorderKind::Soft, soft)];
+    }
+    [(BorderKind::Loud, loud), (BorderKind::BeforeLoud, before), (BorderKind::Soft, rest)]
 }
 
 /// The power above [`HIGH`] in the first and in the last frame of [`AROUND`] of each root, and that which the share [`SOFT`] of all frames does not exceed.
@@ -293,18 +322,47 @@ mod tests {
             |roots: Range<u32>| -> Vec<Border> { roots.map(|root| envelopes.borders(root)[1]).collect() };
         // Louder than the frames of nine tenths of 40 roots are the last three; the border before them is one of theirs.
         let first = ends(0..40);
-        assert_eq!(first.iter().position(|b| *b == Border::Loud), Some(36), "{first:?}");
-        assert!(first[36..].iter().all(|b| *b == Border::Loud));
+        assert_eq!(first.iter().position(|b| b.kind == BorderKind::Loud), Some(36), "{first:?}");
+        assert!(first[36..].iter().all(|b| *b == Border { kind: BorderKind::Loud, class: 0 }));
         let classes = |all: &[Border]| {
-            [0, 1, 2, 3].map(|class| all.iter().filter(|b| **b == Border::Soft(class)).count())
+            let soft = |class| move |b: &&Border| **b == Border { kind: BorderKind::Soft, class };
+            [0, 1, 2, 3].map(|class| all.iter().filter(soft(class)).count())
         };
         // With the border before the first root there are 37 that are not loud.
-        assert_eq!((envelopes.borders(0)[0], classes(&first)), (Border::Soft(0), [9, 9, 9, 9]));
+        assert_eq!((envelopes.borders(0)[0], classes(&first)), (Border::default(), [9, 9, 9, 9]));
         assert!((1..40).all(|root| envelopes.borders(root)[0] == first[root as usize - 1]));
         let second = ends(40..60);
         assert_eq!(envelopes.borders(40)[0], second[19], "it wraps");
-        assert_eq!(classes(&second).iter().sum::<usize>(), 18, "{second:?}");
-        assert!(classes(&second).iter().all(|n| *n >= 4), "{second:?}");
+        // Two classes, as each has eight borders at least.
+        assert_eq!(classes(&second), [9, 9, 0, 0], "{second:?}");
+    }
+
+    #[test]
+    fn borders_before_loud_ones_are_a_kind_if_they_are_four() {
+        let mut rng = Rng::new(5);
+        let channels = vec![(0..60 * 1024).map(|_| rng.between(-1.0, 1.0) as f32).collect()];
+        let recording = TreeRecording { name: "bangs".into(), content: String::new(), channels };
+        let rules = TreeRules { block: Some(1024.5 / 48e3), ..TreeRules::default() };
+        let mut tree = WaveletTree::analyse(48e3, &[recording], &rules).unwrap();
+        for count in [3, 4] {
+            // Bangs begin in the middle of roots, and last for three quarters of one.
+            for (level, details) in tree.details.iter_mut().enumerate() {
+                let is_bang = |k: usize| {
+                    let quarter = (4 * k) >> level;
+                    (1..=40 * count).contains(&quarter) && matches!(quarter % 40, 0 | 38 | 39)
+                };
+                details.iter_mut().enumerate().for_each(|(k, x)| *x = if is_bang(k) { 1.0 } else { 0.001 });
+            }
+            let envelopes = Envelopes::new(&tree);
+            for root in 0..60 {
+                let expected = match root {
+                    _ if root < 10 * count as u32 && root % 10 == 9 => BorderKind::Loud,
+                    _ if count == 4 && root < 40 && root % 10 == 8 => BorderKind::BeforeLoud,
+                    _ => BorderKind::Soft,
+                };
+                assert_eq!(envelopes.borders(root)[1].kind, expected, "{count} bangs, root {root}");
+            }
+        }
     }
 
     #[test]

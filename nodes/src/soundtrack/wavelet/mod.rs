@@ -11,7 +11,7 @@ pub mod transform;
 pub mod tree;
 pub mod wavelet_tree;
 
-pub use envelope::{Border, Envelopes};
+pub use envelope::{Border, BorderKind, Envelopes};
 pub use family::Wavelet;
 pub use model::{TextureModel, ThresholdRules, ThresholdScale};
 pub use transform::{Coefficients, FilterBank, StreamingInverse, forward, inverse};

@@ -6,7 +6,9 @@ use super::*;
 use crate::core::random::Rng;
 use crate::soundtrack::score::read_score;
 use crate::soundtrack::synthesis::WeightBias;
-use crate::soundtrack::wavelet::{ThresholdRules, TreeFit, TreeRecording, TreeRules, WaveletTree};
+use crate::soundtrack::wavelet::{
+    BorderKind, ThresholdRules, TreeFit, TreeRecording, TreeRules, WaveletTree,
+};
 use std::cell::RefCell;
 
 const RATE: f64 = 1000.0;
@@ -168,9 +170,18 @@ fn naive_choice(
             (m, n, run) = (picks[at][n - 1], n - 1, run + 1);
         }
         let root = if is_root { n0 } else { n0 >> (level + 1) } as u64;
-        let is_loud = root > 0 && model.envelopes.borders(root_before(root as usize))[1] == Border::Loud;
-        let share = if is_loud { 1.0 } else { 0.25 + 0.75 * random.uniform(0, root, 2) };
-        run > count && f64::from(run) * model.tree.span(at) as f64 > longest * share * model.tree.rate
+        let before = (root > 0).then(|| model.envelopes.borders(root_before(root as usize))[1]);
+        let (span, longest) = (model.tree.span(0) as f64, longest * model.tree.rate);
+        let uniform = random.uniform(0, root, 2);
+        let draw = if longest >= 3.0 * span { uniform.powf(1.75) } else { uniform };
+        let drawn = longest * (0.25 + 0.75 * draw);
+        let length = f64::from(run) * model.tree.span(at) as f64;
+        run > count
+            && match before.map(|border| border.kind) {
+                Some(BorderKind::BeforeLoud) if level == 0 => length > drawn || length + span > longest,
+                Some(BorderKind::Loud) => length > longest,
+                _ => length > drawn,
+            }
     };
     let not_alike = |c: u32| {
         let borders = |m: u32| model.envelopes.borders(m);
@@ -343,7 +354,10 @@ fn the_search_finds_what_comparing_all_nodes_finds() {
             first.iter_mut().for_each(|x| x[300..800].fill(0.0));
         }
         let model = model_of(vec![first, texture(700, channels, seed + 99)], fit, 0.13, quantile);
-        let rules = SynthesisRules { max_run: (seed % 2 == 0).then_some(0.2), ..variant(seed / 12, free()) };
+        let rules = SynthesisRules {
+            max_run: [Some(0.2), None, Some(0.3), None, Some(0.45), None][seed as usize % 6],
+            ..variant(seed / 12, free())
+        };
         let none = Arc::new(Constraints::default());
         // Some of the recordings have digital silence.
         let (fast, counts) = synthesised(&model, &none, &rules, 12, seed);
@@ -369,8 +383,9 @@ fn roots_are_joined_at_borders_of_a_class_and_chosen_equally_often() {
     let alike = joins().filter(|(before, root)| borders(*before)[1] == borders(*root)[0]).count();
     assert_eq!(alike, joins().count());
     // Fewer at loud borders.
-    let loud =
-        |roots: &mut dyn Iterator<Item = u32>| roots.filter(|m| borders(*m)[1] == Border::Loud).count();
+    let loud = |roots: &mut dyn Iterator<Item = u32>| {
+        roots.filter(|m| borders(*m)[1].kind == BorderKind::Loud).count()
+    };
     let share = loud(&mut joins().map(|pair| pair.0)) as f64 / joins().count() as f64;
     let expected = loud(&mut picks[0].iter().copied()) as f64 / picks[0].len() as f64;
     assert!(expected > 0.05 && share < 0.8 * expected, "{share} {expected}");
