@@ -124,8 +124,9 @@ impl Step<'_> {
     /// True if a stretch that goes on at the end of the last leaf, to a length in samples, has to end at the next border of roots, which is loud.
     fn ends_loud(&self, length: f64) -> bool {
         let is_before = |root: u32| self.model.envelopes.borders(root)[1].kind == BorderKind::BeforeLoud;
-        let longest = self.rules.max_run.unwrap_or(f64::INFINITY) * self.model.tree.rate;
-        length + self.model.tree.span(0) as f64 > longest && self.tree.root_of_leaf(-1).is_some_and(is_before)
+        let next = length + self.model.tree.span(0) as f64;
+        self.rules.max_run.is_some_and(|longest| next > longest * self.model.tree.rate)
+            && self.tree.root_of_leaf(-1).is_some_and(is_before)
     }
 
     /// The predecessors of a candidate that match.

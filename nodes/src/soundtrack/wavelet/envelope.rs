@@ -122,8 +122,7 @@ impl Envelopes {
         self.borders.get(root as usize).copied().unwrap_or_default()
     }
 
-    /// [`borders`](Self::borders) of all roots. Classes are those of each recording by itself: a soft one is joined with a loud one as often as with another
-    /// soft one.
+    /// [`borders`](Self::borders) of all roots. Each recording has classes by its own levels, so the borders of two recordings of different levels are of the same classes.
     fn classes(&self, tree: &WaveletTree) -> Vec<[Border; 2]> {
         let mut out = vec![[Border::default(); 2]; tree.roots()];
         for source in &tree.sources {
@@ -136,7 +135,8 @@ impl Envelopes {
             let borders: Vec<[Option<(u32, usize)>; 2]> =
                 ends.zip(begins).map(|(end, begin)| [Some(end), begin]).chain(first).collect();
             for (kind, of) in kinds(tree, roots, &borders) {
-                let mut levels: Vec<(f32, usize)> = of.iter().map(|k| (self.at(&borders[*k]), *k)).collect();
+                let mut levels: Vec<(f32, usize)> =
+                    of.iter().map(|k| (self.level_at(&borders[*k]), *k)).collect();
                 levels.sort_by(|a, b| a.0.total_cmp(&b.0));
                 let classes = (levels.len() / MEMBERS).clamp(1, CLASSES);
                 for (n, (_, k)) in levels.iter().enumerate() {
@@ -149,7 +149,7 @@ impl Envelopes {
     }
 
     /// The mean level of the edges at a border over octaves, in dB.
-    fn at(&self, border: &[Option<(u32, usize)>; 2]) -> f32 {
+    fn level_at(&self, border: &[Option<(u32, usize)>; 2]) -> f32 {
         let sides = || border.iter().flatten();
         let levels =
             |(root, edge): &(u32, usize)| self.edges(*root).iter().map(|octave| octave[*edge]).sum::<f32>();

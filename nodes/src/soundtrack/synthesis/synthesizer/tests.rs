@@ -399,6 +399,39 @@ fn roots_are_joined_at_borders_of_a_class_and_chosen_equally_often() {
 }
 
 #[test]
+fn stretches_end_before_loud_borders() {
+    let mut recording = texture(6000, 1, 4);
+    // Short bangs at borders of roots, which have 128 samples.
+    for border in (6..46).step_by(8).map(|root| 128 * root) {
+        recording[0][border - 24..border + 24].iter_mut().for_each(|x| *x *= 30.0);
+    }
+    let model = model_of(vec![recording], TreeFit::Circular, 0.13, 0.002);
+    let kind = |root: u32| model.envelopes.borders(root)[1].kind;
+    let rules = SynthesisRules { max_run: Some(0.3), ..free() };
+    let none = Arc::new(Constraints::default());
+    let (picks, _) = synthesised(&model, &none, &rules, 100 * model.tree.roots(), 7);
+    let finest = model.tree.depth as usize - 1;
+    let at = |kinds: BorderKind| {
+        // The leaves before and after each root of the output that ends at borders of a kind.
+        let ends = picks[finest].windows(2).skip((1 << finest) - 1).step_by(1 << finest);
+        let of_kind =
+            ends.filter(|pair| (pair[0] + 1) % (1 << finest) == 0 && kind(pair[0] >> finest) == kinds);
+        let goes_on: Vec<bool> =
+            of_kind.map(|pair| predecessor(&model, finest, pair[1], 1) == Some(pair[0])).collect();
+        (goes_on.iter().filter(|on| **on).count(), goes_on.len())
+    };
+    // Two roots fit into a stretch: after the first of two, the loud border would be its end.
+    let (on, all) = at(BorderKind::BeforeLoud);
+    assert!(all > 200 && 20 * on < all, "{on} of {all}");
+    let (on, all) = at(BorderKind::Loud);
+    assert!(all > 200 && 2 * on > all, "{on} of {all}");
+    for seed in 0..4 {
+        let (fast, _) = synthesised(&model, &none, &rules, 12, seed);
+        assert_eq!(fast, naive(&model, &none, &rules, 12, seed), "seed {seed}");
+    }
+}
+
+#[test]
 fn the_directed_search_finds_what_comparing_all_nodes_finds() {
     let mut seen = SynthesisCounts::default();
     for seed in 0..48_u64 {
