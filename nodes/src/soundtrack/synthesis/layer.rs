@@ -21,6 +21,24 @@ pub struct Recent {
 }
 
 impl Recent {
+    /// Nothing yet of `nodes` nodes, of which the last `limit` choices count.
+    fn new(nodes: usize, limit: usize) -> Self {
+        let counts = vec![0; if limit > 0 { nodes } else { 0 }];
+        Self { counts, order: VecDeque::with_capacity(limit), limit }
+    }
+
+    /// Goes on with the choices of another texture of the same model and limit. Allocates nothing.
+    pub fn follow(&mut self, other: &Self) {
+        self.counts.copy_from_slice(&other.counts);
+        self.order.clear();
+        self.order.extend(&other.order);
+    }
+
+    /// A factor for each time that a node was chosen.
+    pub fn weight(&self, node: u32, factor: f64) -> f64 {
+        factor.powi(self.counts.get(node as usize).copied().unwrap_or(0).into())
+    }
+
     /// Adds one, and forgets the oldest if there are too many.
     pub fn add(&mut self, node: u32) {
         if self.limit == 0 {
@@ -93,6 +111,8 @@ pub struct Layer {
     pub recent: Vec<Recent>,
     /// Roots that were chosen lately.
     pub recent_roots: Recent,
+    /// The roots of the last choices, half as many as the model has.
+    pub round: Recent,
 }
 
 impl Layer {
@@ -103,9 +123,7 @@ impl Layer {
         let history = rules.predecessors.max(rules.root_predecessors).max(1);
         let of_level = |level: usize, nodes: usize| {
             let limit = (rules.memory * tree.rate / tree.span(level) as f64).ceil() as usize;
-            let is_used = rules.repetition < 1.0;
-            let counts = vec![0; if is_used { nodes } else { 0 }];
-            Recent { counts, order: VecDeque::new(), limit: if is_used { limit } else { 0 } }
+            Recent::new(nodes, if rules.repetition < 1.0 { limit } else { 0 })
         };
         let recent = |level: usize| of_level(level, tree.nodes(level));
         Self {
@@ -116,6 +134,7 @@ impl Layer {
             first: Vec::new(),
             recent: (0..depth.max(2) - 1).map(recent).collect(),
             recent_roots: of_level(0, tree.roots()),
+            round: Recent::new(tree.roots(), tree.roots() / 2),
         }
     }
 
@@ -184,4 +203,4 @@ impl Mixed {
 }
 
 impl_state!(Recent { counts, order });
-impl_state!(Layer { tree, approximation, each recent, recent_roots });
+impl_state!(Layer { tree, approximation, each recent, recent_roots, round });

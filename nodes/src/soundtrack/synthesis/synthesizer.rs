@@ -20,6 +20,10 @@ const FEW: usize = 64;
 /// The longest stretch is drawn for each root, between this share of it and the whole.
 const SHORTEST_RUN: f64 = 0.25;
 
+/// The weight of a root for each time that it was chosen in the last half of as many choices as there are roots. So a minute has the statistics of a
+/// recording, however few roots are loud; the probability of what a score wants is as without it.
+const AGAIN: f64 = 0.02;
+
 /// The set of a root in which two sounds are mixed.
 const MIXTURE: u32 = NONE - 1;
 
@@ -65,13 +69,14 @@ impl Synthesizer {
         self.next = root;
     }
 
-    /// Goes on where another texture of the same model is, with as much of its history as counts here; the nodes that were chosen lately are
-    /// not taken over. Allocates nothing.
+    /// Goes on where another texture of the same model is, with as much of its history as counts here; of the nodes that were chosen lately, the roots
+    /// of the present round are taken over. Allocates nothing.
     pub fn follow(&mut self, other: &Self) {
         for (k, own) in self.layers.iter_mut().enumerate() {
             if let Some(other) = other.layers.get(k).or(other.layers.first()) {
                 own.tree.take_history(&other.tree);
                 own.approximation.copy_from_slice(&other.approximation);
+                own.round.follow(&other.round);
             }
         }
         self.joins.follow(&other.joins);
@@ -93,7 +98,7 @@ impl Synthesizer {
         let morphs = rules.overlap.is_mixed();
         let morph = || Morph::new(rules.overlap, &model, &constraints.sets);
         Self {
-            layers: vec![Layer::new(&model, &rules); if morphs { 2 } else { 1 }],
+            layers: (0..if morphs { 2 } else { 1 }).map(|_| Layer::new(&model, &rules)).collect(),
             mixed: morphs.then(|| Mixed::new(morph(), &model)),
             joins: JoinGains::new(&model, rules.join_gain),
             sets: [NONE; 2],
@@ -153,6 +158,7 @@ impl Synthesizer {
         let picks = self.picks(&wanted, root, 0, 0, true);
         for (layer, pick) in self.layers.iter_mut().zip(picks) {
             layer.recent_roots.add(pick);
+            layer.round.add(pick);
             let channels = layer.approximation.len();
             let k = pick as usize * channels;
             layer.approximation.copy_from_slice(&self.model.tree.approximation[k..k + channels]);
@@ -270,7 +276,7 @@ impl Synthesizer {
         is_root: bool,
     ) -> u32 {
         let Self { model, constraints, rules, random, layers, counts, has_masks, .. } = self;
-        let Layer { tree, classes, recent, recent_roots, remaining, first, .. } = &mut layers[layer];
+        let Layer { tree, classes, recent, recent_roots, round, remaining, first, .. } = &mut layers[layer];
         remaining.children(level, node, first);
         let (own, later, distance) = (wanted.own[layer], wanted.later[layer], wanted.distance);
         let longest = longest_run(model, rules, random, root, tree.root_of_leaf(-1));
@@ -300,6 +306,7 @@ impl Synthesizer {
         counts.steps += 1;
         let uniform = |lane| random.uniform(entity, index, lane);
         let weight = |m: u32| step.continuity(m);
+        let balanced = |m: u32| step.continuity(m) * if is_root { round.weight(m, AGAIN) } else { 1.0 };
         let complete = step.depth();
         let mut pick = |best: Best, counts: &mut SynthesisCounts| {
             if !is_root {
@@ -307,7 +314,7 @@ impl Synthesizer {
             }
             counts.candidates += best.nodes.len() as u64;
             counts.partial += u64::from(best.ancestors < complete);
-            draw(&best.nodes, weight, uniform(0))
+            draw(&best.nodes, balanced, uniform(0))
         };
         let approximate = |set: Option<&NodeSet>, counts: &mut SynthesisCounts| {
             counts.approximate += 1;
@@ -368,6 +375,9 @@ impl Synthesizer {
 
 /// The longest stretch below a root, samples; `before` is the root of the leaf before it. A fixed length would be heard as a rhythm. Where three roots fit, more than half
 /// of all stretches are shorter than two; where two fit, they are anyway. What is loud above 8 kHz goes on as long as it may, so that few joins are heard.
+///
+/// A recording with enough borders before loud ones is joined at borders of roots only, where levels are compared: joins within roots would modulate it.
+/// In others it would be joined at their few loud borders too often.
 fn longest_run(
     model: &TextureModel,
     rules: &SynthesisRules,
@@ -379,9 +389,12 @@ fn longest_run(
     if before.is_some_and(|before| model.envelopes.borders(before)[1].kind == BorderKind::Loud) {
         return Some(longest);
     }
-    let uniform = random.uniform(0, root as u64, 2);
-    let draw = if longest < 3.0 * model.tree.span(0) as f64 { uniform } else { libm::pow(uniform, 1.75) };
-    Some(longest * (SHORTEST_RUN + (1.0 - SHORTEST_RUN) * draw))
+    let (uniform, span) = (random.uniform(0, root as u64, 2), model.tree.span(0) as f64);
+    let draw = if longest < 3.0 * span { uniform } else { libm::pow(uniform, 1.75) };
+    let avoids = |before| model.envelopes.avoids_loud_borders(model.tree.source_of(before));
+    let joins_roots = longest >= 2.0 * span && before.is_some_and(avoids);
+    let shortest = (SHORTEST_RUN * longest).max(if joins_roots { span } else { 0.0 });
+    Some(shortest + (longest - shortest) * draw)
 }
 
 impl_state!(Synthesizer { next, each layers, joins, sets, counts });

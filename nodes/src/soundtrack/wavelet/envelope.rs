@@ -65,6 +65,8 @@ pub struct Envelopes {
     change: f64,
     /// By root, the classes of the borders at its beginning and at its end.
     borders: Vec<[Border; 2]>,
+    /// By recording, whether it has borders before loud ones.
+    avoids: Vec<bool>,
 }
 
 impl Envelopes {
@@ -94,6 +96,8 @@ impl Envelopes {
             own.change = *changes.select_nth_unstable_by(middle, f64::total_cmp).1;
         }
         own.borders = own.classes(tree);
+        let is_before = |root| own.borders(root)[1].kind == BorderKind::BeforeLoud;
+        own.avoids = tree.sources.iter().map(|s| (s.first..s.first + s.roots).any(is_before)).collect();
         own
     }
 
@@ -120,6 +124,12 @@ impl Envelopes {
     #[must_use]
     pub fn borders(&self, root: u32) -> [Border; 2] {
         self.borders.get(root as usize).copied().unwrap_or_default()
+    }
+
+    /// True if stretches of a recording end before loud borders: if it has enough borders for that.
+    #[must_use]
+    pub fn avoids_loud_borders(&self, source: usize) -> bool {
+        self.avoids.get(source).copied().unwrap_or(false)
     }
 
     /// [`borders`](Self::borders) of all roots. Each recording has classes by its own levels, so the borders of two recordings of different levels are of the same classes.

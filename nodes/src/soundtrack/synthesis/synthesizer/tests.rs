@@ -174,7 +174,15 @@ fn naive_choice(
         let (span, longest) = (model.tree.span(0) as f64, longest * model.tree.rate);
         let uniform = random.uniform(0, root, 2);
         let draw = if longest >= 3.0 * span { uniform.powf(1.75) } else { uniform };
-        let drawn = longest * (0.25 + 0.75 * draw);
+        // Of recordings with borders before loud ones no stretch is shorter than a root, if two fit.
+        let avoids = |before: u32| {
+            let source = &model.tree.sources[model.tree.source_of(before)];
+            let mut ends = (source.first..source.first + source.roots).map(|m| model.envelopes.borders(m)[1]);
+            ends.any(|border| border.kind == BorderKind::BeforeLoud)
+        };
+        let is_whole = longest >= 2.0 * span && root > 0 && avoids(root_before(root as usize));
+        let least = if is_whole { span.max(0.25 * longest) } else { 0.25 * longest };
+        let drawn = least + (longest - least) * draw;
         let length = f64::from(run) * model.tree.span(at) as f64;
         run > count
             && match before.map(|border| border.kind) {
@@ -257,7 +265,11 @@ fn naive_choice(
         if !is_root {
             left.borrow_mut().clone_from(&best.nodes);
         }
-        draw(&best.nodes, weight, random.uniform(entity, index, 0)).unwrap()
+        let lately =
+            if is_root { &picks[0][node.saturating_sub(model.tree.roots() / 2)..node] } else { &[][..] };
+        let again = |m: u32| lately.iter().filter(|root| **root == m).count();
+        let balanced = |m: u32| weight(m) * 0.02_f64.powi(again(m) as i32);
+        draw(&best.nodes, balanced, random.uniform(entity, index, 0)).unwrap()
     };
     // The node that differs least.
     let least = |admits: &dyn Fn(u32) -> bool| {
@@ -375,7 +387,10 @@ fn roots_are_joined_at_borders_of_a_class_and_chosen_equally_often() {
     let borders = |root: u32| model.envelopes.borders(root);
     let mut counts = vec![0; roots];
     picks[0].iter().for_each(|root| counts[*root as usize] += 1);
-    assert!(counts.iter().all(|n| (50..170).contains(n)), "{counts:?}");
+    assert!(counts.iter().all(|n| (60..160).contains(n)), "{counts:?}");
+    // A root hardly comes back before half of the others were chosen; without weights 40 % of them would.
+    let again = picks[0].windows(roots / 2 + 1).filter(|w| w[..roots / 2].contains(&w[roots / 2])).count();
+    assert!(20 * again < picks[0].len(), "{again} of {}", picks[0].len());
     // The roots of the last leaf before each root, and the root.
     let finest = model.tree.depth as usize - 1;
     let pairs = || (1..picks[0].len()).map(|k| (picks[finest][(k << finest) - 1] >> finest, picks[0][k]));
@@ -425,6 +440,12 @@ fn stretches_end_before_loud_borders() {
     assert!(all > 200 && 20 * on < all, "{on} of {all}");
     let (on, all) = at(BorderKind::Loud);
     assert!(all > 200 && 2 * on > all, "{on} of {all}");
+    // Stretches have one root at least.
+    let pairs = picks[finest].windows(2).enumerate();
+    let joins = pairs.filter(|(_, pair)| predecessor(&model, finest, pair[1], 1) != Some(pair[0]));
+    let joins: Vec<usize> = joins.map(|(k, _)| k + 1).collect();
+    let within = joins.iter().filter(|leaf| *leaf % (1 << finest) != 0).count();
+    assert!(joins.len() > 2000 && 20 * within < joins.len(), "{within} of {}", joins.len());
     for seed in 0..4 {
         let (fast, _) = synthesised(&model, &none, &rules, 12, seed);
         assert_eq!(fast, naive(&model, &none, &rules, 12, seed), "seed {seed}");

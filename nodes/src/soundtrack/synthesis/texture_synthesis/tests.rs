@@ -375,5 +375,6 @@ fn a_look_ahead_brings_what_leads_to_a_sound() {
         (0..20).filter(is_led).count()
     };
     let (with, without) = (led(0.4), led(0.0));
-    assert!(with >= 16 && without <= 6, "{with} {without} of 20");
+    // A tone leads to about every fourth by chance.
+    assert!(with >= 16 && without <= 8, "{with} {without} of 20");
 }
