@@ -376,7 +376,7 @@ impl Synthesizer {
 /// The longest stretch below a root, samples; `before` is the root of the leaf before it. A fixed length would be heard as a rhythm. Where three roots fit, more than half
 /// of all stretches are shorter than two; where two fit, they are anyway. What is loud above 8 kHz goes on as long as it may, so that few joins are heard.
 ///
-/// A recording with enough borders before loud ones is joined at borders of roots only, where levels are compared: joins within roots would modulate it.
+/// A recording with enough borders before loud ones is joined mostly at borders of roots, where levels are compared: joins within roots would modulate it.
 /// In others it would be joined at their few loud borders too often.
 fn longest_run(
     model: &TextureModel,
