@@ -2,6 +2,7 @@
 //! type has one.
 
 use super::levels;
+use crate::cloth::stored;
 use crate::common;
 use foley::Registry;
 use foley::graph::{LoadOptions, load};
@@ -32,7 +33,7 @@ const RECOMPOSED: [&str; 13] = [
     "first_person_boxing",
 ];
 
-/// Sounds of an example that is run whole; then shorter runs give the same bits for any window and threads, and from the cache that the
+/// Sounds of an example that is run whole, and writes the files that ship as they ship; then shorter runs give the same bits for any window and threads, and from the cache that the
 /// whole run filled with values.
 fn try_example(path: &Path) -> Vec<(String, SoundFigures)> {
     let cache = tempfile::tempdir().unwrap();
@@ -42,7 +43,8 @@ fn try_example(path: &Path) -> Vec<(String, SoundFigures)> {
     let dir = tempfile::tempdir().unwrap();
     let options = PlanOptions { threads: 2, ..PlanOptions::default() };
     let mut whole = None;
-    let sounds = match common::run_file_unmeasured(path, &options, Some(&memo), dir.path()) {
+    let taps = stored::taps(path);
+    let sounds = match common::run_file_unmeasured(path, &options, &taps, Some(&memo), dir.path()) {
         // It plays live input, which has no end.
         Err(e) if e.contains("F048") => Vec::new(),
         Err(e) => panic!("{name}: {e}"),
@@ -58,6 +60,7 @@ fn try_example(path: &Path) -> Vec<(String, SoundFigures)> {
                 .filter(|(_, note)| note.contains("silent throughout") && !note.contains("foley live"))
                 .collect();
             assert!(silent.is_empty() || path.to_string_lossy().contains("live"), "{name}: {silent:?}");
+            stored::check(path, dir.path());
             whole = Some(common::files_below(dir.path()));
             levels::sounds_of(path, dir.path())
         }

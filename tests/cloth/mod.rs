@@ -6,5 +6,5 @@ mod figures;
 mod follows;
 mod friction;
 mod motion;
-mod warps;
+pub mod stored;
 mod zip;

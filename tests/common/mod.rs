@@ -185,15 +185,16 @@ pub fn run_file_cached(
     run_graph_cached(&graph, &files, options, memo, out)
 }
 
-/// The same without a check of the buffers: those of events may outgrow the plan.
+/// The same with taps and without a check of the buffers: those of events may outgrow the plan.
 pub fn run_file_unmeasured(
     path: &Path,
     options: &PlanOptions,
+    taps: &[String],
     memo: Option<&Memo>,
     out: &Path,
 ) -> Result<Report, String> {
     let (graph, files) = opened(path)?;
-    run_cached(&graph, &files, options, &[], memo, out)
+    run_cached(&graph, &files, options, taps, memo, out)
 }
 
 fn opened(path: &Path) -> Result<(Graph, DirFiles), String> {
