@@ -6,6 +6,7 @@ mod common;
 mod contact;
 mod curvature;
 mod damping;
+mod direction;
 mod friction;
 mod grains;
 mod image;
@@ -30,9 +31,9 @@ macro_rules! benches {
 }
 
 fn main() -> ExitCode {
-    let benches: [Bench; 16] = benches![
-        contact, curvature, damping, friction, grains, image, isophotes, levels, modal, onsets, rigid,
-        scrape, solid, soundtrack, unit, warp,
+    let benches: [Bench; 17] = benches![
+        contact, curvature, damping, direction, friction, grains, image, isophotes, levels, modal, onsets,
+        rigid, scrape, solid, soundtrack, unit, warp,
     ];
     let args: Vec<String> = std::env::args().skip(1).filter(|arg| arg != "--bench").collect();
     let named = |name: &str| args.iter().any(|arg| arg == name);

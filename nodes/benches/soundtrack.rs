@@ -48,7 +48,7 @@ fn tree(rate: f64, channel: Vec<f32>, rules: &TreeRules) -> WaveletTree {
     WaveletTree::analyse(rate, &[recording], rules).expect("a recording that is long enough")
 }
 
-fn model(rate: f64, channel: Vec<f32>) -> Arc<TextureModel> {
+pub fn model(rate: f64, channel: Vec<f32>) -> Arc<TextureModel> {
     model_by(rate, channel, &ThresholdRules::default())
 }
 
@@ -57,14 +57,14 @@ fn model_by(rate: f64, channel: Vec<f32>, rules: &ThresholdRules) -> Arc<Texture
 }
 
 /// Seeds with which a texture is made for its statistics.
-const SEEDS: u64 = 8;
+pub const SEEDS: u64 = 8;
 
 /// The output of a synthesis, the leaves it was copied from, and the longest time in which as much as one root was made, in ms.
 fn synthesise(model: &Arc<TextureModel>, score: &str, seconds: f64) -> (Vec<f32>, Vec<u32>, f64) {
     synthesise_by(model, score, seconds, SynthesisRules::default(), 1)
 }
 
-fn synthesise_by(
+pub fn synthesise_by(
     model: &Arc<TextureModel>,
     score: &str,
     seconds: f64,
@@ -283,7 +283,7 @@ fn gestures() {
 }
 
 /// Levels and kurtosis of third octaves, and levels of modulation in four bands of octaves, of a sound.
-fn statistics(x: &[f32], rate: f64) -> Vec<f64> {
+pub fn statistics(x: &[f32], rate: f64) -> Vec<f64> {
     let x: Vec<f64> = x.iter().map(|x| f64::from(*x)).collect();
     // Without both ends, where the filters settle: a sound that is cut where it is loud begins and ends with a step.
     let band = |x: &[f64], rate: f64, low: f64, high: f64| {
@@ -507,32 +507,6 @@ fn reaction() {
     }
 }
 
-fn direction() {
-    let Some((rate, x)) = load(folder("recordings/texture").join("traffic_city.flac")) else {
-        println!("traffic_city.flac: not found, skipped");
-        return;
-    };
-    let source = statistics(&x, rate);
-    let model = model(rate, x);
-    println!(
-        "weight of 5 to 12 s of traffic_city.flac, {SEEDS} times 100 s: share of the time, and mean difference of the statistics of the first from the recording"
-    );
-    for weight in [-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 0.9, 1.0] {
-        let score = format!(
-            "SoundScore(sources: [(name: \"a\", segments: [(5, 12)])], targets: [(source: \"a\", from: 0, to: 101, weight: {weight:?})])"
-        );
-        let of = |seed| synthesise_by(&model, &score, 100.0, SynthesisRules::default(), seed);
-        let (from, to) = ((5.0 * rate / 2.0) as u32, (12.0 * rate / 2.0) as u32);
-        let share = |leaves: &[u32]| {
-            leaves.iter().filter(|m| (from..to).contains(*m)).count() as f64 / leaves.len() as f64
-        };
-        let shares = (1..=SEEDS).map(|seed| share(&of(seed).1)).sum::<f64>() / SEEDS as f64;
-        let s = statistics(&of(1).0, rate);
-        let difference = s.iter().zip(&source).map(|(a, b)| (a - b).abs()).sum::<f64>() / s.len() as f64;
-        println!("{weight:5.2}: {:5.1} %, {difference:.2} dB", 100.0 * shares);
-    }
-}
-
 pub fn bench() {
     transform();
     textures();
@@ -540,5 +514,4 @@ pub fn bench() {
     queries();
     gestures();
     recordings();
-    direction();
 }
