@@ -28,6 +28,9 @@ pub struct SourceSet {
     /// By level, the nodes that an exclusion leaves out: those that overlap a segment, or at coarse levels at which hardly a node would
     /// remain, those within one.
     pub excluded: Vec<NodeSet>,
+    /// By level, the nodes that a weight between -1 and 1 acts on: those whose centres are in a segment, and at least one for each. They last about as
+    /// long as the segments, so that the share of the time is that of the probability.
+    pub centred: Vec<NodeSet>,
 }
 
 impl SourceSet {
@@ -51,7 +54,17 @@ impl SourceSet {
             if is_enough || level + 2 >= depth { included[level].clone() } else { nodes(level, true) }
         };
         let excluded = (0..depth).map(excluded).collect();
-        Self { sources: sources.to_vec(), included, excluded }
+        let centred = |level: usize| {
+            let span = tree.span(level) as u64;
+            let interval = |(from, to): &(u64, u64)| {
+                let [first, end] = [from, to].map(|at| ((at + span / 2) / span) as u32);
+                let middle = ((from + to) / 2 / span) as u32;
+                if first < end { (first, end) } else { (middle, middle + 1) }
+            };
+            NodeSet::new(own.iter().map(interval).collect())
+        };
+        let centred = (0..depth).map(centred).collect();
+        Self { sources: sources.to_vec(), included, excluded, centred }
     }
 }
 

@@ -329,10 +329,10 @@ impl Synthesizer {
             (Some(_), None) => false,
             (Some(c), Some(node)) => {
                 let set = &step.constraints.sets[c.set];
-                if c.weight > 0.0 {
-                    set.included[level].contains(node)
-                } else {
-                    !set.excluded[level].contains(node)
+                match c.weight > 0.0 {
+                    is_inclusion if !c.is_hard => set.centred[level].contains(node) == is_inclusion,
+                    true => set.included[level].contains(node),
+                    false => !set.excluded[level].contains(node),
                 }
             }
         };

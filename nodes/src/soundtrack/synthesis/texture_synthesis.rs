@@ -65,7 +65,8 @@ params! {
         /// The candidates that are compared. `Narrow` copies longer stretches, because it follows few candidates from level to level.
         search: CandidateSearch = CandidateSearch::Exact;
         /// Longest stretch of a recording that is repeated as it is, unless there is no other choice; None for no limit. Stretches in which one
-        /// would go on have random lengths from a quarter of it; where three blocks fit, short ones are more likely. Blocks are joined where the recording
+        /// would go on have random lengths from a quarter of it, or from a block where two fit and the recording has blocks that end before loud sounds; where three
+        /// blocks fit, short ones are more likely. Blocks are joined where the recording
         /// has similar levels, and rarely where it is loud above 8 kHz: each is about as frequent as any, and of those that match equally well, one that was
         /// chosen in the last half of a round of all blocks is 50 times less likely.
         max_run: Option<f64> = Some(1.0), unit "s", range 0.001..=3600.0;
@@ -181,7 +182,7 @@ impl Node for TextureSynthesis {
     const NAME: &'static str = "TextureSynthesis";
     const CLASS: Class = Class::Worker;
     const COST: f64 = 100.0;
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
 
     fn shape(p: &TextureSynthesisParams, s: &mut Shape<'_, '_, TextureSynthesisPorts>) -> Result<(), Reject> {
         if let Some(weights) = s.optional(TextureSynthesisPorts::weights) {

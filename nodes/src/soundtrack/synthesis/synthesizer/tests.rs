@@ -249,7 +249,13 @@ fn naive_choice(
         .filter(|c| distance > 0.0 && own.is_none_or(|own: Constraint| own.set != c.set));
     let inside = |c: Constraint, m: u32| {
         let set = &constraints.sets[c.set];
-        if c.weight > 0.0 { set.included[level].contains(m) } else { !set.excluded[level].contains(m) }
+        if !c.is_hard {
+            set.centred[level].contains(m) == (c.weight > 0.0)
+        } else if c.weight > 0.0 {
+            set.included[level].contains(m)
+        } else {
+            !set.excluded[level].contains(m)
+        }
     };
     let after = |c: u32| {
         let source = &model.tree.sources[model.tree.source_of(c >> level)];
