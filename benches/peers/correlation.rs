@@ -52,7 +52,6 @@ fn dictionary(rng: &mut Rng) -> GrainDictionary {
         runs,
         steps: Vec::new(),
         samples,
-        tracks: None,
     }
 }
 

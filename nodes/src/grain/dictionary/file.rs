@@ -6,34 +6,23 @@ use crate::artefact::sealed::{seal, unseal};
 use crate::artefact::value_file::Artefact;
 use crate::core::node::Summary;
 
-/// Version of files of dictionaries with tracks, which precede all else; others have [`GRAINS_VERSION`].
-const TRACKS_VERSION: u32 = 3;
-
 /// The first bytes of a file of a dictionary.
 const MAGIC: &[u8] = b"foley:FGRN\n";
 
 impl GrainDictionary {
-    /// The dictionary as one file: a signature, the version, a digest, tracks if there are any, the fields, and the samples as 32-bit floats, or as integers of up to 16
+    /// The dictionary as one file: a signature, the version, a digest, the fields, and the samples as 32-bit floats, or as integers of up to 16
     /// bits in a FLAC stream.
     ///
     /// # Errors
     /// When it cannot be encoded.
     pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
         let fields = postcard::to_allocvec(&self.clone_without_samples()).map_err(|e| e.to_string())?;
-        let (mut body, mut version) = (Vec::new(), self.version);
-        let mut add = |section: &[u8]| {
-            body.extend((section.len() as u64).to_le_bytes());
-            body.extend(section);
-        };
-        if let Some(tracks) = &self.tracks {
-            add(&postcard::to_allocvec(tracks).map_err(|e| e.to_string())?);
-            version = TRACKS_VERSION;
-        }
-        add(&fields);
+        let mut body = (fields.len() as u64).to_le_bytes().to_vec();
+        body.extend(&fields);
         if self.bits == 0 {
             body.push(Coding::Float as u8);
             self.samples.iter().for_each(|x| body.extend(x.to_le_bytes()));
-            return Ok(seal(MAGIC, version, &body));
+            return Ok(seal(MAGIC, self.version, &body));
         }
         let mut integers = vec![0_i16; self.samples.len()];
         for (span, step) in self.steps_of_samples().into_iter().filter(|(_, step)| *step > 0.0) {
@@ -47,7 +36,7 @@ impl GrainDictionary {
             body.push(Coding::Integer as u8);
             integers.iter().for_each(|x| body.extend(x.to_le_bytes()));
         }
-        Ok(seal(MAGIC, version, &body))
+        Ok(seal(MAGIC, self.version, &body))
     }
 
     fn clone_without_samples(&self) -> Self {
@@ -57,7 +46,6 @@ impl GrainDictionary {
             grains: self.grains.clone(),
             runs: self.runs.clone(),
             steps: self.steps.clone(),
-            tracks: None,
             ..*self
         }
     }
@@ -84,23 +72,14 @@ impl GrainDictionary {
     /// Other files, other versions, damage.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         let other = |found| GrainError::Version { found };
-        let has_tracks =
-            bytes.strip_prefix(MAGIC).is_some_and(|b| b.starts_with(&TRACKS_VERSION.to_le_bytes()));
-        let version = if has_tracks { TRACKS_VERSION } else { GRAINS_VERSION };
-        let mut body = unseal((MAGIC, version), "grains", bytes, other)?;
+        let body = unseal((MAGIC, GRAINS_VERSION), "grains", bytes, other)?;
         let short = || "the grain dictionary is damaged: it is too short".to_owned();
+        let (head, rest) = body.split_at_checked(8).ok_or_else(short)?;
+        let len = head.iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
+        let (fields, samples) = rest.split_at_checked(len).ok_or_else(short)?;
+        let mut all: Self =
+            postcard::from_bytes(fields).map_err(|e| format!("the grain dictionary is damaged: {e}"))?;
         let damaged = |what: String| format!("the grain dictionary is damaged: {what}");
-        let mut section = || {
-            let (head, rest) = body.split_at_checked(8).ok_or_else(short)?;
-            let len = head.iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
-            let (own, rest) = rest.split_at_checked(len).ok_or_else(short)?;
-            body = rest;
-            Ok::<_, String>(own)
-        };
-        let tracks = if has_tracks { Some(section()?) } else { None };
-        let tracks = tracks.map(postcard::from_bytes).transpose().map_err(|e| damaged(e.to_string()))?;
-        let fields: Self = postcard::from_bytes(section()?).map_err(|e| damaged(e.to_string()))?;
-        let (mut all, samples) = (Self { tracks, ..fields }, body);
         let (coding, samples) = samples.split_first().ok_or_else(short)?;
         let coding = Coding::of(*coding).ok_or_else(|| damaged(format!("coding {coding}")))?;
         if (coding == Coding::Float) != (all.bits == 0) {

@@ -1,6 +1,5 @@
 //! Grains of many recordings.
 
-use super::grain_tracks::SteadyTracks;
 use super::taper::TaperShape;
 use crate::core::item::Data;
 use crate::core::node::Summary;
@@ -116,9 +115,6 @@ pub struct GrainDictionary {
     pub steps: Vec<f32>,
     /// All samples.
     pub samples: Vec<f32>,
-    /// Sinusoids of steady grains; a part of files of its own.
-    #[serde(skip)]
-    pub tracks: Option<SteadyTracks>,
 }
 
 /// Reasons why a dictionary cannot be used.
@@ -240,17 +236,10 @@ impl GrainDictionary {
         a.run == b.run && a.position + a.len == b.position
     }
 
-    /// Bytes of the dictionary without coding: samples with 2 or 4 bytes, 48 bytes for each grain, and tracks.
+    /// Bytes of the dictionary without coding: samples with 2 or 4 bytes, and 48 bytes for each grain.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let tracks: usize = (0..self.grains.len()).map(|k| self.track_bytes(k)).sum();
-        self.samples.len() * self.sample_bytes() + BYTES_PER_GRAIN * self.grains.len() + tracks
-    }
-
-    /// Bytes of the tracks of a grain.
-    #[must_use]
-    pub fn track_bytes(&self, grain: usize) -> usize {
-        self.tracks.as_ref().map_or(0, |tracks| tracks.bytes_of(grain))
+        self.samples.len() * self.sample_bytes() + BYTES_PER_GRAIN * self.grains.len()
     }
 
     /// Median length of the windowed grains, in samples.
@@ -382,7 +371,7 @@ impl GrainDictionary {
         if let Some(index) = self.steps.iter().position(|step| !step.is_finite()) {
             return Err(GrainError::NotFinite { what: "step", index });
         }
-        self.tracks.as_ref().map_or(Ok(()), |tracks| tracks.validate(self))
+        Ok(())
     }
 
     /// Digest of all that patterns refer to.

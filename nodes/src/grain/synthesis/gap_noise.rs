@@ -66,7 +66,6 @@ pub fn gap_noise(
         runs: vec![Run { offset: 0, frames: period as u32, channels: 1 }],
         steps: Vec::new(),
         samples,
-        tracks: None,
     };
     let power = |segment: &GrainSegment| {
         let grain = dictionary.grains.get(segment.grain as usize);
