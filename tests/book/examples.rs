@@ -34,10 +34,9 @@ const RECOMPOSED: [&str; 13] = [
 ];
 
 /// Sounds of an example that is run whole, and writes the files that ship as they ship; then shorter runs give the same bits for any window and threads, and from the cache that the
-/// whole run filled with values.
-fn try_example(path: &Path) -> Vec<(String, SoundFigures)> {
-    let cache = tempfile::tempdir().unwrap();
-    let memo = Memo::new(cache.path().to_owned(), 1 << 30, path);
+/// whole runs filled with values. What two examples have in common is computed by the first one.
+fn try_example(path: &Path, cache: &Path) -> Vec<(String, SoundFigures)> {
+    let memo = Memo::new(cache.to_owned(), 4 << 30, path);
     let name = path.display();
 
     let dir = tempfile::tempdir().unwrap();
@@ -99,7 +98,7 @@ fn every_example_graph_is_heard_at_its_levels_and_gives_the_same_bits_for_any_wi
     let mut paths = common::all_graphs();
     paths.retain(|path| common::is_whole(path));
     let found: Vec<Mutex<Vec<_>>> = paths.iter().map(|_| Mutex::default()).collect();
-    let next = AtomicUsize::new(0);
+    let (next, cache) = (AtomicUsize::new(0), tempfile::tempdir().unwrap());
     thread::scope(|scope| {
         for _ in 0..thread::available_parallelism().map_or(1, usize::from).min(4) {
             scope.spawn(|| {
@@ -107,7 +106,7 @@ fn every_example_graph_is_heard_at_its_levels_and_gives_the_same_bits_for_any_wi
                     let k = next.fetch_add(1, Ordering::Relaxed);
                     paths.get(k).zip(found.get(k))
                 } {
-                    *found.lock().unwrap() = try_example(path);
+                    *found.lock().unwrap() = try_example(path, cache.path());
                 }
             });
         }

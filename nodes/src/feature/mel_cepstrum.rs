@@ -1,7 +1,8 @@
 //! Mel band energies and mel cepstrum of one unit of sound.
 
+use foley_fft::RealFftPlanner;
+use realfft::RealToComplex;
 use realfft::num_complex::Complex;
-use realfft::{RealFftPlanner, RealToComplex};
 use std::f64::consts::PI;
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! Errors of sounds that are played from grains.
 
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use std::f64::consts::PI;
 
 /// Duration of a frame of the segmental signal-to-noise ratio, s.

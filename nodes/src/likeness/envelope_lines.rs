@@ -2,7 +2,7 @@
 
 use super::active::{ActiveSound, hann};
 use crate::dsp::{Band, Butterworth, Cascade};
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use serde::{Deserialize, Serialize};
 
 /// The envelope is of the sound above this frequency, Hz: the rectified hum of mains has lines of its own.

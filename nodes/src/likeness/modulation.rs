@@ -1,6 +1,6 @@
 //! The modulation spectrum: the spectrum of the envelope of a sound.
 
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use std::f64::consts::TAU;
 
 /// Edges of the bands of modulation, Hz.

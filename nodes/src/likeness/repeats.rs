@@ -1,9 +1,10 @@
 //! Frames of a sound that stood in it shortly before.
 
 use super::active::ActiveSound;
+use foley_fft::RealFftPlanner;
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use realfft::{ComplexToReal, RealToComplex};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

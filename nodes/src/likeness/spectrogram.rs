@@ -2,7 +2,7 @@
 
 use super::active::{ActiveSound, hann};
 use crate::plot::Image;
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 
 /// Width and height, px.
 const SIZE: [usize; 2] = [900, 300];

@@ -59,7 +59,7 @@ fn powers(x: &[f32]) -> Vec<f64> {
     let turn = |k: usize| std::f64::consts::TAU * k as f64 / n as f64;
     let mut windowed: Vec<f64> =
         x.iter().enumerate().map(|(k, x)| f64::from(*x) * (1.0 - turn(k).cos())).collect();
-    let fft = realfft::RealFftPlanner::new().plan_fft_forward(n);
+    let fft = foley_fft::RealFftPlanner::new().plan_fft_forward(n);
     let mut out = fft.make_output_vec();
     fft.process(&mut windowed, &mut out).unwrap();
     out.iter().map(|z| z.norm_sqr()).collect()

@@ -6,8 +6,9 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use foley_fft::RealFftPlanner;
+use realfft::RealToComplex;
 use realfft::num_complex::Complex;
-use realfft::{RealFftPlanner, RealToComplex};
 
 /// Window of an analysis frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,8 +6,9 @@
 
 use std::sync::Arc;
 
+use foley_fft::RealFftPlanner;
+use realfft::ComplexToReal;
 use realfft::num_complex::Complex;
-use realfft::{ComplexToReal, RealFftPlanner};
 use thiserror::Error;
 
 use super::clusters::Clusters;

@@ -2,8 +2,9 @@
 
 use super::peaks::Normaliser;
 use crate::grain::dictionary::TaperShape;
+use foley_fft::RealFftPlanner;
+use realfft::RealToComplex;
 use realfft::num_complex::Complex;
-use realfft::{RealFftPlanner, RealToComplex};
 use std::sync::Arc;
 
 /// Bands; the highest has a twelfth of the spectrum, the lowest a few bins.

@@ -1,7 +1,8 @@
 //! Correlation of a signal with short grains by overlap-save.
 
+use foley_fft::RealFftPlanner;
 use realfft::num_complex::Complex;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use realfft::{ComplexToReal, RealToComplex};
 use std::sync::Arc;
 
 /// Sizes of transforms.

@@ -8,7 +8,7 @@ use crate::grain::segmentation::{SegmentRules, Segments, segment};
 use crate::plot::{Chart, Line};
 use crate::table::ResultTable;
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 
 choices! {
     /// Position of the tapers of a grain.

@@ -4,9 +4,10 @@ use crate::core::time::Rate;
 use crate::feature::{FeatureConventions, MelCepstrum};
 use crate::grain::dictionary::{Grain, GrainDictionary};
 use crate::material::statistics::squared;
+use foley_fft::RealFftPlanner;
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use realfft::{ComplexToReal, RealToComplex};
 use std::sync::Arc;
 
 /// Bands of the features of a grain.

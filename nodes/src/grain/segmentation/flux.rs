@@ -1,8 +1,9 @@
 //! Spectral flux: the change of the shape of a spectrum from one frame to the next.
 
 use crate::impl_state;
+use foley_fft::RealFftPlanner;
+use realfft::RealToComplex;
 use realfft::num_complex::Complex;
-use realfft::{RealFftPlanner, RealToComplex};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

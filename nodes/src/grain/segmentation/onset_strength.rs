@@ -1,7 +1,7 @@
 //! Onsets of recordings.
 
 use super::flux::FluxFrames;
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
 

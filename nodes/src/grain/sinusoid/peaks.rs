@@ -2,8 +2,9 @@
 
 use crate::choices;
 use crate::dsp::db_to_linear;
+use foley_fft::RealFftPlanner;
+use realfft::RealToComplex;
 use realfft::num_complex::Complex;
-use realfft::{RealFftPlanner, RealToComplex};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use std::sync::Arc;

@@ -5,7 +5,7 @@ use crate::core::random::Rng;
 use crate::friction::builder::psd::{AnalysisWindow, welch};
 use crate::grain::dictionary::{GRAINS_VERSION, GrainDictionary, Run};
 use crate::material::statistics::normal::standard_normal;
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use realfft::num_complex::Complex;
 
 /// Samples of a frame of the spectrum of the grains.

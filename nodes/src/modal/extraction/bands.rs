@@ -1,7 +1,7 @@
 //! Energies of a sound in bands of frequency.
 
-use realfft::RealFftPlanner;
-use rustfft::FftPlanner;
+use foley_fft::FftPlanner;
+use foley_fft::RealFftPlanner;
 use rustfft::num_complex::Complex;
 use std::f64::consts::PI;
 

@@ -3,7 +3,7 @@
 use super::bands::{Octave, Spectrum, decay_curve, third_octaves};
 use super::onset::onset;
 use crate::material::statistics::quantile;
-use rustfft::FftPlanner;
+use foley_fft::FftPlanner;
 
 /// Level below that of the loudest third of an octave from which on bands do not count, dB.
 const RANGE: f64 = 40.0;

@@ -4,7 +4,7 @@ use super::bands::{Spectrum, decay_curve, third_octaves};
 use super::exponentials::energy;
 use super::noise_floor::NoiseFloor;
 use crate::modal::residual::noise_band::NoiseBand;
-use rustfft::FftPlanner;
+use foley_fft::FftPlanner;
 
 /// Energy of a band relative to the recording below which it is left out.
 const SMALLEST: f64 = 1e-7;

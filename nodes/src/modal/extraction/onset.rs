@@ -1,6 +1,6 @@
 //! Onsets of impacts in a recording.
 
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use std::f64::consts::TAU;
 use std::ops::Range;
 

@@ -6,7 +6,7 @@ use super::takes::Take;
 use crate::core::item::Data;
 use crate::core::random::Rng;
 use crate::plot::{Axis, Image, Line, beside, chart_over};
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{LN_10, TAU};
 

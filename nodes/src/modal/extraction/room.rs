@@ -8,7 +8,7 @@ use super::bands::Spectrum;
 use super::comparison::decay_time;
 use super::feature::Feature;
 use super::onset::onset;
-use rustfft::FftPlanner;
+use foley_fft::FftPlanner;
 use std::f64::consts::{LN_10, TAU};
 
 /// Decay of the room relative to which a mode has to be slower to be one of the object. Poles fitted to a room have from about this share
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
     use crate::core::random::Rng;
     use crate::material::statistics::normal::standard_normal;
-    use realfft::RealFftPlanner;
+    use foley_fft::RealFftPlanner;
 
     const RATE: f64 = 44_100.0;
     const T60: f64 = 0.3;

@@ -2,7 +2,7 @@
 
 use super::exponentials::{C, exp};
 use super::noise_floor::NoiseFloor;
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use std::f64::consts::TAU;
 
 /// Samples of the frames, at 44.1 kHz.

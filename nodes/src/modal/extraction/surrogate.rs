@@ -1,7 +1,7 @@
 //! Noise with the spectrogram of a recording.
 
 use crate::core::random::Rng;
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use rustfft::num_complex::Complex;
 use std::f64::consts::TAU;
 

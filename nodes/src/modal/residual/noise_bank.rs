@@ -125,7 +125,7 @@ fn frequency(random: &Random, band: u32, b: &Band, n: i64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use realfft::RealFftPlanner;
+    use foley_fft::RealFftPlanner;
 
     const RATE: f64 = 48_000.0;
 

@@ -145,7 +145,7 @@ mod tests {
     use crate::core::random::Rng;
     use crate::scrape::{Interp, Law, MapForce, MapVoice, SurfaceMap};
     use crate::texture::{DiscontinuityMap, FeatureMap, Grid};
-    use realfft::RealFftPlanner;
+    use foley_fft::RealFftPlanner;
 
     fn surface(density: f64, wrap: Wrap) -> Surface {
         Surface { density: [density; 2], wrap, ..Surface::default() }

@@ -7,7 +7,7 @@
 
 use crate::core::random::Random;
 use crate::texture::maps::{NoisePart, NoiseProfile, NoiseValue};
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
 

@@ -5,7 +5,7 @@
 //! windowed periodograms (Welch 1967).
 
 use crate::core::random::Random;
-use realfft::RealFftPlanner;
+use foley_fft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
 

@@ -181,7 +181,8 @@ mod tests {
     use super::*;
     use crate::texture::noise::split::statistics;
     use crate::texture::{Grid, Surface};
-    use rustfft::{FftPlanner, num_complex::Complex};
+    use foley_fft::FftPlanner;
+    use rustfft::num_complex::Complex;
 
     /// A resonance at a tenth of the rate, and a decrease towards high frequencies.
     const TRUE: [f64; 3] = [-1.9, 1.42, -0.36];

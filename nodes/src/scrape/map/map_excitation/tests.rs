@@ -154,7 +154,7 @@ fn interpolators_leave_the_images_of_the_table() {
         let drawn = rows.samples[..4096].iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / 4096.0;
         assert!((variance / drawn - retained).abs() < 0.04, "{interp:?}: {}", variance / drawn);
         // Level above 4 kHz, by a transform of the whole.
-        let mut planner = rustfft::FftPlanner::<f64>::new();
+        let mut planner = foley_fft::FftPlanner::<f64>::new();
         let window = |k: usize| 0.5 - 0.5 * (TAU * k as f64 / n as f64).cos();
         let mut buffer: Vec<_> = x
             .iter()

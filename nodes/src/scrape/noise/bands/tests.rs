@@ -2,7 +2,7 @@ use super::*;
 use crate::core::random::Rng;
 use crate::scrape::testing::{amplitude, db, peak, rms};
 use fearless_simd::{Level, dispatch};
-use rustfft::FftPlanner;
+use foley_fft::FftPlanner;
 use std::f64::consts::TAU;
 
 fn wave(cycles: usize, n: usize) -> NoiseBands {

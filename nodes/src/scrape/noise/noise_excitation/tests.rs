@@ -40,7 +40,7 @@ fn force(paths: Vec<(Tick, PathPiece)>, end: f64) -> Vec<f32> {
 fn centroid(x: &[f32]) -> f64 {
     use rustfft::num_complex::Complex;
     let mut z: Vec<_> = x.iter().map(|x| Complex::new(f64::from(*x), 0.0)).collect();
-    rustfft::FftPlanner::new().plan_fft_forward(z.len()).process(&mut z);
+    foley_fft::FftPlanner::new().plan_fft_forward(z.len()).process(&mut z);
     let half = &z[..z.len() / 2];
     let sum = half.iter().enumerate().map(|(k, z)| k as f64 * z.norm_sqr()).sum::<f64>();
     sum / half.iter().map(|z| z.norm_sqr()).sum::<f64>() * 44_100.0 / z.len() as f64
