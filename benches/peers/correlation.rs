@@ -52,6 +52,7 @@ fn dictionary(rng: &mut Rng) -> GrainDictionary {
         runs,
         steps: Vec::new(),
         samples,
+        tracks: None,
     }
 }
 

@@ -1,14 +1,16 @@
 //! Extraction of grains from recordings.
 
+use super::grain_tracks::{GrainTracks, SteadyTracks, tracks_of_grains};
 use super::grains::{GRAINS_VERSION, Grain, GrainDictionary, GrainSource, Run};
 use super::taper::TaperShape;
 use crate::choices;
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
 use crate::grain::segmentation::{SegmentRules, Segments, segment};
+use crate::grain::sinusoid::PeakRules;
 use crate::plot::{Chart, Line};
 use crate::table::ResultTable;
-use rayon::prelude::*;
 use foley_fft::RealFftPlanner;
+use rayon::prelude::*;
 
 choices! {
     /// Position of the tapers of a grain.
@@ -39,6 +41,8 @@ pub struct ExtractRules {
     pub bits: u16,
     /// Samples within which a cut moves to a zero crossing.
     pub snap: usize,
+    /// True if the sinusoids of steady grains are stored.
+    pub tracks: bool,
 }
 
 impl ExtractRules {
@@ -54,6 +58,7 @@ impl ExtractRules {
             margin: (0.005 * rate).round() as usize,
             bits: 16,
             snap: 0,
+            tracks: false,
         }
     }
 }
@@ -239,7 +244,10 @@ pub fn extract(recordings: &GrainRecordings, rules: &ExtractRules) -> (GrainDict
         runs,
         steps: Vec::new(),
         samples,
+        tracks: None,
     };
+    dictionary.tracks =
+        rules.tracks.then(|| steady_tracks(&parts, &extracted, recordings.rate, rules.margin));
     if rules.bits > 0 {
         dictionary.quantise(rules.bits);
         let powers: Vec<f32> =
@@ -247,6 +255,22 @@ pub fn extract(recordings: &GrainRecordings, rules: &ExtractRules) -> (GrainDict
         dictionary.grains.iter_mut().zip(powers).for_each(|(grain, power)| grain.power = power);
     }
     (dictionary, extracted)
+}
+
+/// The sinusoids of the steady grains of all parts; other grains have none.
+fn steady_tracks(
+    parts: &[(usize, &GrainRecording, &Part)],
+    extracted: &[Extracted],
+    rate: f64,
+    margin: usize,
+) -> SteadyTracks {
+    let of_part = |((_, _, part), found): (&(usize, &GrainRecording, &Part), &Extracted)| match part.component
+    {
+        Component::Steady => tracks_of_grains(&part.channels, &found.grains, margin, rate),
+        _ => vec![GrainTracks::default(); found.grains.len()],
+    };
+    let grains: Vec<Vec<GrainTracks>> = parts.par_iter().zip(extracted).map(of_part).collect();
+    SteadyTracks { hop: PeakRules::at_rate(rate).hop as u32, grains: grains.concat() }
 }
 
 /// Mean square of a sound.

@@ -5,20 +5,24 @@ use super::grains::{GRAINS_VERSION, GrainDictionary, GrainError};
 use crate::artefact::sealed::{seal, unseal};
 use crate::artefact::value_file::Artefact;
 use crate::core::node::Summary;
+use std::borrow::Cow;
+
+/// Version of files before there were tracks, the last of the fields.
+const WITHOUT_TRACKS: u32 = 2;
 
 /// The first bytes of a file of a dictionary.
 const MAGIC: &[u8] = b"foley:FGRN\n";
 
 impl GrainDictionary {
-    /// The dictionary as one file: a signature, the version, a digest, the fields, and the samples as 32-bit floats, or as integers of up to 16
-    /// bits in a FLAC stream.
+    /// The dictionary as one file: a signature, the version, a digest, the fields, and the samples as 32-bit floats, or as integers of up to 16 bits in a FLAC
+    /// stream.
     ///
     /// # Errors
     /// When it cannot be encoded.
     pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
         let fields = postcard::to_allocvec(&self.clone_without_samples()).map_err(|e| e.to_string())?;
         let mut body = (fields.len() as u64).to_le_bytes().to_vec();
-        body.extend(&fields);
+        body.extend(fields);
         if self.bits == 0 {
             body.push(Coding::Float as u8);
             self.samples.iter().for_each(|x| body.extend(x.to_le_bytes()));
@@ -46,6 +50,7 @@ impl GrainDictionary {
             grains: self.grains.clone(),
             runs: self.runs.clone(),
             steps: self.steps.clone(),
+            tracks: self.tracks.clone(),
             ..*self
         }
     }
@@ -72,14 +77,19 @@ impl GrainDictionary {
     /// Other files, other versions, damage.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         let other = |found| GrainError::Version { found };
-        let body = unseal((MAGIC, GRAINS_VERSION), "grains", bytes, other)?;
+        let is_older =
+            bytes.strip_prefix(MAGIC).is_some_and(|b| b.starts_with(&WITHOUT_TRACKS.to_le_bytes()));
+        let version = if is_older { WITHOUT_TRACKS } else { GRAINS_VERSION };
+        let body = unseal((MAGIC, version), "grains", bytes, other)?;
         let short = || "the grain dictionary is damaged: it is too short".to_owned();
+        let damaged = |what: String| format!("the grain dictionary is damaged: {what}");
         let (head, rest) = body.split_at_checked(8).ok_or_else(short)?;
         let len = head.iter().rev().fold(0, |n, b| n << 8 | usize::from(*b));
         let (fields, samples) = rest.split_at_checked(len).ok_or_else(short)?;
-        let mut all: Self =
-            postcard::from_bytes(fields).map_err(|e| format!("the grain dictionary is damaged: {e}"))?;
-        let damaged = |what: String| format!("the grain dictionary is damaged: {what}");
+        // No tracks: a byte of 0.
+        let fields = if is_older { Cow::from([fields, &[0]].concat()) } else { Cow::from(fields) };
+        let mut all: Self = postcard::from_bytes(&fields).map_err(|e| damaged(e.to_string()))?;
+        all.version = if is_older && all.version == WITHOUT_TRACKS { GRAINS_VERSION } else { all.version };
         let (coding, samples) = samples.split_first().ok_or_else(short)?;
         let coding = Coding::of(*coding).ok_or_else(|| damaged(format!("coding {coding}")))?;
         if (coding == Coding::Float) != (all.bits == 0) {
@@ -166,5 +176,20 @@ mod tests {
         let mut version = bytes;
         version[MAGIC.len()] = 9;
         assert!(error(&version).contains("version 9"));
+    }
+
+    #[test]
+    fn files_of_version_2_have_no_tracks() {
+        let dictionary = GrainDictionary { tracks: None, ..GrainDictionary::trial(&mut Rng::new(5)) };
+        let bytes = GrainDictionary { version: WITHOUT_TRACKS, ..dictionary.clone() }.to_bytes().unwrap();
+        let body = unseal((MAGIC, WITHOUT_TRACKS), "grains", &bytes, |v| v).unwrap();
+        let (head, rest) = body.split_at(8);
+        let len = u64::from_le_bytes(head.try_into().unwrap());
+        let (fields, samples) = rest.split_at(len as usize);
+        let (last, older) = fields.split_last().unwrap();
+        assert_eq!(*last, 0);
+        let older = [&(len - 1).to_le_bytes(), older, samples].concat();
+        let read = GrainDictionary::from_bytes(&seal(MAGIC, WITHOUT_TRACKS, &older)).unwrap();
+        assert_eq!(read, dictionary);
     }
 }

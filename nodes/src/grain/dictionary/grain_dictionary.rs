@@ -59,6 +59,9 @@ params! {
         /// Bits of the samples, each grain scaled to its own peak; None for 32-bit floats. Files are coded as FLAC, so that fewer bits take
         /// fewer bytes.
         bits: Option<u32> = Some(16), unit "bits", range 4..=16_u32;
+        /// Stores the sinusoids of steady grains, with which `GrainRetarget` changes their frequency and not their duration. They take about as
+        /// many bytes as the samples.
+        tracks: bool = false;
     }
 }
 ports! {
@@ -104,6 +107,7 @@ impl GrainDictionaryParams {
             margin: samples(self.margin),
             bits: self.bits.map_or(0, |bits| bits as u16),
             snap: samples(self.snap_zero),
+            tracks: self.tracks,
         }
     }
 }
@@ -112,7 +116,7 @@ impl Func for GrainDictionaryNode {
     type Params = GrainDictionaryParams;
     type Ports = GrainDictionaryPorts;
     const NAME: &'static str = "GrainDictionary";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     // Sources are named after their files.
     const EXPOSES_PATHS: bool = true;
 

@@ -7,7 +7,7 @@ artefact_file! {
     /// A grain dictionary from a file, as a tap of `GrainDictionary` wrote it: `--tap dictionary=stone.bin`.
     ///
     /// It holds the sound of all grains, so that the recordings are not needed. A file of another version or with damage is an error.
-    pub struct GrainDictionaryFile / GrainDictionaryFileParams / GrainDictionaryFilePorts / GrainDictionaryFileIo, version 1;
+    pub struct GrainDictionaryFile / GrainDictionaryFileParams / GrainDictionaryFilePorts / GrainDictionaryFileIo, version 2;
     /// The dictionary.
     path: "grains.bin";
     /// The grains.

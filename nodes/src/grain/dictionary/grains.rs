@@ -1,5 +1,6 @@
 //! Grains of many recordings.
 
+use super::grain_tracks::SteadyTracks;
 use super::taper::TaperShape;
 use crate::core::item::Data;
 use crate::core::node::Summary;
@@ -10,7 +11,7 @@ use std::ops::Range;
 use thiserror::Error;
 
 /// Version of the format of [`GrainDictionary`].
-pub const GRAINS_VERSION: u32 = 2;
+pub const GRAINS_VERSION: u32 = 3;
 /// Bytes of a grain beside its samples, as in the budget of a game.
 pub const BYTES_PER_GRAIN: usize = 48;
 
@@ -115,6 +116,8 @@ pub struct GrainDictionary {
     pub steps: Vec<f32>,
     /// All samples.
     pub samples: Vec<f32>,
+    /// Sinusoids of steady grains.
+    pub tracks: Option<SteadyTracks>,
 }
 
 /// Reasons why a dictionary cannot be used.
@@ -236,10 +239,17 @@ impl GrainDictionary {
         a.run == b.run && a.position + a.len == b.position
     }
 
-    /// Bytes of the dictionary without coding: samples with 2 or 4 bytes, and 48 bytes for each grain.
+    /// Bytes of the dictionary without coding: samples with 2 or 4 bytes, 48 bytes for each grain, and tracks.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.samples.len() * self.sample_bytes() + BYTES_PER_GRAIN * self.grains.len()
+        let tracks: usize = (0..self.grains.len()).map(|k| self.track_bytes(k)).sum();
+        self.samples.len() * self.sample_bytes() + BYTES_PER_GRAIN * self.grains.len() + tracks
+    }
+
+    /// Bytes of the tracks of a grain.
+    #[must_use]
+    pub fn track_bytes(&self, grain: usize) -> usize {
+        self.tracks.as_ref().map_or(0, |tracks| tracks.bytes_of(grain))
     }
 
     /// Median length of the windowed grains, in samples.
@@ -371,7 +381,7 @@ impl GrainDictionary {
         if let Some(index) = self.steps.iter().position(|step| !step.is_finite()) {
             return Err(GrainError::NotFinite { what: "step", index });
         }
-        Ok(())
+        self.tracks.as_ref().map_or(Ok(()), |tracks| tracks.validate(self))
     }
 
     /// Digest of all that patterns refer to.

@@ -40,11 +40,12 @@ impl GrainDictionary {
         grains: impl Iterator<Item = usize> + Clone,
         margin: usize,
     ) -> usize {
-        let count = grains.clone().count();
+        let (count, tracks) = (grains.clone().count(), grains.clone());
         let Some(run) = self.runs.get(run) else { return 0 };
         let ranges = needed(grains.map(|k| &self.grains[k]), margin, run.frames as usize);
         let samples: usize = ranges.iter().map(ExactSizeIterator::len).sum();
-        samples * usize::from(run.channels) * self.sample_bytes() + BYTES_PER_GRAIN * count
+        let tracks: usize = tracks.map(|k| self.track_bytes(k)).sum();
+        samples * usize::from(run.channels) * self.sample_bytes() + BYTES_PER_GRAIN * count + tracks
     }
 
     /// Returns a dictionary of the grains for which `retained` is true, in their order, with up to `margin` samples around each.
@@ -65,6 +66,7 @@ impl GrainDictionary {
             runs: Vec::new(),
             steps: Vec::new(),
             samples: Vec::new(),
+            tracks: None,
             ..*self
         };
         let mut moved: Vec<Option<(u32, u32)>> = vec![None; self.grains.len()];
@@ -88,6 +90,8 @@ impl GrainDictionary {
         subset.grains = grains
             .filter_map(|(grain, to)| to.map(|(run, position)| Grain { run, position, ..*grain }))
             .collect();
+        let tracks = self.tracks.as_ref();
+        subset.tracks = tracks.map(|tracks| tracks.subset(|k| moved.get(k).is_some_and(Option::is_some)));
         if self.bits > 0 {
             subset.quantise(self.bits);
         }

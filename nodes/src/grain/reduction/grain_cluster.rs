@@ -65,6 +65,7 @@ impl Func for GrainCluster {
     type Params = GrainClusterParams;
     type Ports = GrainClusterPorts;
     const NAME: &'static str = "GrainCluster";
+    const VERSION: u32 = 2;
     // Sources are named after their files.
     const EXPOSES_PATHS: bool = true;
 

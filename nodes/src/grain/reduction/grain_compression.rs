@@ -72,7 +72,7 @@ impl Func for GrainCompression {
     type Params = GrainCompressionParams;
     type Ports = GrainCompressionPorts;
     const NAME: &'static str = "GrainCompression";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
 
     fn eval(
         p: &GrainCompressionParams,

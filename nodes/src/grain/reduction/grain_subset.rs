@@ -61,6 +61,7 @@ impl Func for GrainSubset {
     type Params = GrainSubsetParams;
     type Ports = GrainSubsetPorts;
     const NAME: &'static str = "GrainSubset";
+    const VERSION: u32 = 2;
     // Sources are named after their files.
     const EXPOSES_PATHS: bool = true;
 

@@ -97,6 +97,7 @@ impl Func for VariationReport {
     type Params = VariationReportParams;
     type Ports = VariationReportPorts;
     const NAME: &'static str = "VariationReport";
+    const VERSION: u32 = 2;
 
     fn eval(
         p: &VariationReportParams,

@@ -18,5 +18,6 @@ pub mod transient_residual;
 pub use item::{FrameFormat, PeakFrames, TrackFrames, TrackPoint};
 pub use peaks::{PeakFinder, PeakRules, PeakWindow, SinePeak};
 pub use split::{SteadyTransient, find_tracks, split};
+pub(crate) use synthesis::add_integrated;
 pub use synthesis::{TrackSynthesis, add_tracks};
 pub use tracks::{PartialTracker, Track, TrackRules};

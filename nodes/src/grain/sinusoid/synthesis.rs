@@ -60,9 +60,9 @@ impl Piece {
     }
 }
 
-/// Adds up to [`LANES`] pieces. The phases are cubic in the sample index, so that three products of complex numbers a sample give the next
+/// Adds up to [`LANES`] pieces from sample `skip` on. The phases are cubic in the sample index, so that three products of complex numbers a sample give the next
 /// sample of each.
-fn add_pieces(pieces: &[Piece], out: &mut [f32], hop: f64) {
+fn add_pieces(pieces: &[Piece], skip: usize, out: &mut [f32], hop: f64) {
     let mut z = [[[0.0; LANES]; 2]; 4];
     let (mut amplitude, mut slope) = ([0.0; LANES], [0.0; LANES]);
     for (k, piece) in pieces.iter().enumerate().take(LANES) {
@@ -73,8 +73,7 @@ fn add_pieces(pieces: &[Piece], out: &mut [f32], hop: f64) {
         amplitude[k] = piece.amplitude[0];
         slope[k] = (piece.amplitude[1] - piece.amplitude[0]) / hop;
     }
-    for y in out {
-        *y += amplitude.iter().zip(&z[0][0]).map(|(a, cosine)| a * cosine).sum::<f64>() as f32;
+    let advance = |z: &mut [[[f64; LANES]; 2]; 4]| {
         for j in 0..3 {
             let ([.., [re, im]], [[turn_re, turn_im], ..]) = z.split_at_mut(j + 1) else { continue };
             for ((re, im), (c, s)) in re.iter_mut().zip(im.iter_mut()).zip(turn_re.iter().zip(turn_im.iter()))
@@ -82,8 +81,45 @@ fn add_pieces(pieces: &[Piece], out: &mut [f32], hop: f64) {
                 (*re, *im) = (*re * c - *im * s, *re * s + *im * c);
             }
         }
+    };
+    for _ in 0..skip {
+        advance(&mut z);
         amplitude.iter_mut().zip(slope).for_each(|(a, slope)| *a += slope);
     }
+    for y in out {
+        *y += amplitude.iter().zip(&z[0][0]).map(|(a, cosine)| a * cosine).sum::<f64>() as f32;
+        advance(&mut z);
+        amplitude.iter_mut().zip(slope).for_each(|(a, slope)| *a += slope);
+    }
+}
+
+/// Adds sinusoids between two frames a hop apart, from sample `skip` after the first one on: frequency and amplitude are linear, and the phase is
+/// that of the first frame and the integral of the frequency. What is above the highest frequency at a frame is silent there.
+pub(crate) fn add_integrated(
+    ends: impl Iterator<Item = [SinePeak; 2]>,
+    [hop, skip]: [usize; 2],
+    rate: f64,
+    out: &mut [f32],
+) {
+    let step = hop as f64;
+    let (mut pieces, mut count) = ([Piece::default(); LANES], 0);
+    for pair in ends {
+        let [from, to] = pair.map(|peak| limited(peak, HIGHEST * rate));
+        pieces[count] = Piece::integrated(from, to, step, rate);
+        count += 1;
+        if count == LANES {
+            add_pieces(&pieces, skip, out, step);
+            count = 0;
+        }
+    }
+    if count > 0 {
+        add_pieces(&pieces[..count], skip, out, step);
+    }
+}
+
+/// A point below a highest frequency, or a silent one at it.
+fn limited(peak: SinePeak, highest: f64) -> SinePeak {
+    if peak.frequency > highest { SinePeak { frequency: highest, amplitude: 0.0, ..peak } } else { peak }
 }
 
 /// The frame before the first one of a track, or after the last: the same frequency at amplitude 0.
@@ -150,13 +186,9 @@ impl TrackSynthesis {
 
     /// A point at a ratio; above the highest frequency it is silent.
     fn scaled(&self, peak: SinePeak, ratio: f64) -> SinePeak {
-        let (frequency, highest) = (ratio * peak.frequency, HIGHEST * self.rate);
-        if frequency > highest {
-            // Measured phases need the measured frequency.
-            let frequency = if ratio == 1.0 { frequency } else { highest };
-            return SinePeak { frequency, amplitude: 0.0, ..peak };
-        }
-        SinePeak { frequency, ..peak }
+        let scaled = limited(SinePeak { frequency: ratio * peak.frequency, ..peak }, HIGHEST * self.rate);
+        // Measured phases need the measured frequency.
+        if ratio == 1.0 { SinePeak { frequency: peak.frequency, ..scaled } } else { scaled }
     }
 
     /// Adds the samples between two frames, the first of which has number `frame`, to up to one hop. `ratios` are those at both frames.
@@ -196,7 +228,7 @@ impl TrackSynthesis {
             }
         }
         let step = self.hop as f64;
-        self.plain.chunks(LANES).for_each(|pieces| add_pieces(pieces, out, step));
+        self.plain.chunks(LANES).for_each(|pieces| add_pieces(pieces, 0, out, step));
     }
 
     /// Continues the track of a slot to its next point, or fades it out.

@@ -123,8 +123,8 @@ impl Chain {
         random.uniform(self.id, (self.begun as u64) << 24 | self.picks, lane)
     }
 
-    /// Shift of the frequency of a sound, as a factor, from `now` on.
-    fn ratio(
+    /// Shift of the frequency of a sound, octaves, from `now` on.
+    fn shift(
         &mut self,
         sound: &ContactSound,
         rules: &ChainRules,
@@ -133,7 +133,7 @@ impl Chain {
         now: i64,
     ) -> f64 {
         if sound.component != Component::Steady {
-            return 1.0;
+            return 0.0;
         }
         let recorded = sound.speed.unwrap_or(rules.speed).max(1e-6);
         let wanted = (rules.gamma * (self.speed.max(1e-6) / recorded).log2()).clamp(-1.0, 1.0);
@@ -145,7 +145,7 @@ impl Chain {
         }
         self.changed = now;
         let width = (rules.width * self.load.max(0.0)).min(1.0);
-        (self.octaves + width * (2.0 * self.uniform(random, 2) - 1.0)).exp2()
+        self.octaves + width * (2.0 * self.uniform(random, 2) - 1.0)
     }
 
     /// Chooses the grain after the last one; `now` is the frame at which it is chosen.
@@ -190,7 +190,7 @@ impl Chain {
         let (k, step, follows) = self.choose(sounds, rules, random);
         let sound = sounds.get((self.sounds[0] + k) as usize)?;
         let next = sound.steps.get(step as usize)?;
-        let ratio = self.ratio(sound, rules, random, dictionary.rate, now);
+        let octaves = self.shift(sound, rules, random, dictionary.rate, now);
         let before = self.position;
         let t = match last {
             None => now,
@@ -210,9 +210,14 @@ impl Chain {
             Component::Transient => rules.levels[1],
         };
         let mut segment = single(dictionary, &GrainStep { t, gain: level * next.gain, ..*next })?;
-        segment.ratio = ratio as f32;
-        segment.len = ((f64::from(segment.len) / ratio).round() as u32).max(1);
-        segment.fades.iter_mut().for_each(|fade| fade.len = (f64::from(fade.len) / ratio).round() as u32);
+        if dictionary.tracks.as_ref().is_some_and(|tracks| tracks.has(next.grain)) {
+            segment.octaves = octaves as f32;
+        } else {
+            let ratio = octaves.exp2();
+            segment.ratio = ratio as f32;
+            segment.len = ((f64::from(segment.len) / ratio).round() as u32).max(1);
+            segment.fades.iter_mut().for_each(|fade| fade.len = (f64::from(fade.len) / ratio).round() as u32);
+        }
         self.position = [k, step];
         self.recent.rotate_right(1);
         self.recent[0] = next.grain;

@@ -66,6 +66,7 @@ pub fn gap_noise(
         runs: vec![Run { offset: 0, frames: period as u32, channels: 1 }],
         steps: Vec::new(),
         samples,
+        tracks: None,
     };
     let power = |segment: &GrainSegment| {
         let grain = dictionary.grains.get(segment.grain as usize);

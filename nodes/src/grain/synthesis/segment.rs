@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
+/// Frames that are computed at a time from tracks.
+const BLOCK: usize = 256;
+
 /// Shortest fade between grains that were not neighbours, s.
 const SHORTEST_FADE: f64 = 0.002;
 
@@ -64,6 +67,8 @@ pub struct GrainSegment {
     pub gain: f32,
     /// Samples of the run for each frame.
     pub ratio: f32,
+    /// Shift of the frequency at the same duration, octaves: what is not 0 is played by the tracks of the grain.
+    pub octaves: f32,
 }
 
 /// Third-order interpolation between the samples around a position.
@@ -125,16 +130,43 @@ impl GrainSegment {
         }
         let stored = dictionary.runs.get(self.run as usize).map_or(1, |run| usize::from(run.channels).max(1));
         let out = &mut out[(from - first) as usize * channels..(to - first) as usize * channels];
-        if channels == 1 && stored > 1 {
-            let gain = self.gain / stored as f32;
-            (0..stored).for_each(|channel| {
-                self.add_channel(dictionary.run(self.run, channel), from, gain, out, [1, 0])
-            });
-        } else {
-            for channel in 0..channels {
-                let x = dictionary.run(self.run, channel % stored);
-                self.add_channel(x, from, self.gain, out, [channels, channel]);
+        let mut add = |stored: usize, gain: f32, place: [usize; 2]| {
+            if self.octaves == 0.0 {
+                self.add_channel(dictionary.run(self.run, stored), from, gain, out, place);
+            } else {
+                self.add_shifted(dictionary, stored, from, gain, out, place);
             }
+        };
+        if channels == 1 && stored > 1 {
+            (0..stored).for_each(|channel| add(channel, self.gain / stored as f32, [1, 0]));
+        } else {
+            (0..channels).for_each(|channel| add(channel % stored, self.gain, [channels, channel]));
+        }
+    }
+
+    /// Adds one channel by the tracks of the grain.
+    fn add_shifted(
+        &self,
+        dictionary: &GrainDictionary,
+        stored: usize,
+        from: i64,
+        gain: f32,
+        out: &mut [f32],
+        [step, channel]: [usize; 2],
+    ) {
+        let grain = dictionary.grains.get(self.grain as usize);
+        let Some((tracks, grain)) = dictionary.tracks.as_ref().zip(grain) else { return };
+        let factors = [f64::from(self.octaves).exp2(), dictionary.rate];
+        let mut offset = (from - self.start) as usize;
+        let mut block = [0.0; BLOCK];
+        for out in out.chunks_mut(BLOCK * step) {
+            let block = &mut block[..out.len() / step];
+            block.fill(0.0);
+            let at = i64::from(self.from) + offset as i64;
+            tracks.add((self.grain, grain), stored, factors, at, block);
+            let frames = out.iter_mut().skip(channel).step_by(step).zip(block.iter()).enumerate();
+            frames.for_each(|(n, (y, x))| *y += gain * self.envelope(offset + n) * x);
+            offset += block.len();
         }
     }
 
@@ -195,6 +227,7 @@ pub fn single(dictionary: &GrainDictionary, step: &GrainStep) -> Option<GrainSeg
         fades: [fade_in, fade_out],
         gain: step.gain * grain.gain,
         ratio: 1.0,
+        octaves: 0.0,
     })
 }
 
@@ -216,6 +249,7 @@ pub fn join(dictionary: &GrainDictionary, before: &mut GrainSegment, after: &mut
         && apart == in_source
         && before.ratio == 1.0
         && after.ratio == 1.0
+        && before.octaves == after.octaves
     {
         return;
     }
@@ -249,14 +283,14 @@ pub fn join(dictionary: &GrainDictionary, before: &mut GrainSegment, after: &mut
     }
 }
 
-/// Normalised correlation of the first channels of two segments in a range of frames, 0 to 1; 0 where one of them is played at another speed.
+/// Normalised correlation of the first channels of two segments in a range of frames, 0 to 1; 0 where one of them is played at another speed or frequency.
 fn correlation_of(
     dictionary: &GrainDictionary,
     before: &GrainSegment,
     after: &GrainSegment,
     frames: Range<i64>,
 ) -> f32 {
-    if before.ratio != 1.0 || after.ratio != 1.0 {
+    if [before, after].iter().any(|s| s.ratio != 1.0 || s.octaves != 0.0) {
         return 0.0;
     }
     let samples = |segment: &GrainSegment| -> &[f32] {

@@ -82,15 +82,32 @@ fn contact(kind: State, hz: f64, seconds: f64, of: impl Fn(f64) -> (f32, f32)) -
         .collect()
 }
 
+/// The dictionary with the sinusoids of the rub.
+fn dictionary_with_tracks() -> GrainDictionary {
+    extract(&recordings(), &ExtractRules { tracks: true, ..ExtractRules::at_rate(RATE) }).0
+}
+
 fn standalone(p: GrainRetargetParams) -> Standalone {
-    Standalone::new::<GrainRetarget>(p).value(GrainRetargetPorts::dictionary, dictionary())
+    standalone_of(dictionary(), p)
+}
+
+fn standalone_of(dictionary: GrainDictionary, p: GrainRetargetParams) -> Standalone {
+    Standalone::new::<GrainRetarget>(p).value(GrainRetargetPorts::dictionary, dictionary)
 }
 
 /// Sound of contacts for two seconds.
 fn sliding(p: GrainRetargetParams, states: Vec<(Tick, ContactState)>) -> Vec<f32> {
+    sliding_of(dictionary(), p, states)
+}
+
+fn sliding_of(
+    dictionary: GrainDictionary,
+    p: GrainRetargetParams,
+    states: Vec<(Tick, ContactState)>,
+) -> Vec<f32> {
     let feed = Feed::events(states, ticks(2.0));
     let port = GrainRetargetPorts::states.index();
-    standalone(p).feed(port, feed).run().unwrap().stream(GrainRetargetPorts::audio)
+    standalone_of(dictionary, p).feed(port, feed).run().unwrap().stream(GrainRetargetPorts::audio)
 }
 
 fn struck(p: GrainRetargetParams, energies: &[(f64, f64)], patterns: bool) -> Vec<f32> {
@@ -127,18 +144,20 @@ fn windows_of_any_length_give_the_same_samples() {
             (ticks(0.137 * f64::from(k)), Impact::from_energy(0.05, Body { mass: 0.1, restitution: 0.5 }))
         })
         .collect();
-    let of = |window: f64| {
+    let of = |dictionary: GrainDictionary, window: f64| {
         let feed = Feed::events(states.clone(), ticks(1.3));
         let hits = Feed::events(hits.clone(), ticks(1.3));
-        let run = standalone(GrainRetargetParams { voices: 2, ..params() })
+        let run = standalone_of(dictionary, GrainRetargetParams { voices: 2, ..params() })
             .feed(GrainRetargetPorts::states.index(), feed)
             .feed(GrainRetargetPorts::impacts.index(), hits);
         run.window(ticks(window)).run().unwrap().stream(GrainRetargetPorts::audio)
     };
-    let whole = of(0.25);
-    assert!(rms(&whole) > 0.01);
-    for window in [0.002, 0.0131, 0.1] {
-        assert_eq!(of(window), whole, "{window}");
+    for dictionary in [dictionary(), dictionary_with_tracks()] {
+        let whole = of(dictionary.clone(), 0.25);
+        assert!(rms(&whole) > 0.01);
+        for window in [0.002, 0.0131, 0.1] {
+            assert_eq!(of(dictionary.clone(), window), whole, "{window}");
+        }
     }
 }
 
@@ -245,6 +264,39 @@ fn the_steady_part_follows_the_speed_and_the_transient_part_does_not() {
     let transient = GrainRetargetParams { steady: -200.0, ..params() };
     let of = |speed: f32| sliding(transient.clone(), contact(State::Sliding, 60.0, 1.9, |_| (1.0, speed)));
     assert!(of(0.5).iter().zip(of(2.0)).all(|(a, b)| (a - b).abs() < 1e-6));
+}
+
+/// Share of the power of a sound that is not in one sinusoid.
+fn impurity(x: &[f32], frequency: f64) -> f64 {
+    let (n, mut sums) = (x.len() as f64, [0.0; 2]);
+    for (i, x) in x.iter().enumerate() {
+        let (sin, cos) = (TAU * frequency * i as f64 / RATE).sin_cos();
+        sums = [sums[0] + f64::from(*x) * cos, sums[1] + f64::from(*x) * sin];
+    }
+    let of_tone = 2.0 * (sums[0].powi(2) + sums[1].powi(2)) / (n * n);
+    1.0 - of_tone / rms(x).powi(2)
+}
+
+#[test]
+fn by_tracks_a_shifted_tone_is_as_loud_and_as_pure_as_the_recorded_one() {
+    let p = GrainRetargetParams { transient: -200.0, gamma: 1.0, jump: 0.0, ..params() };
+    let of = |speed: f32| {
+        let states = contact(State::Sliding, 60.0, 1.9, |_| (1.0, speed));
+        let audio = sliding_of(dictionary_with_tracks(), p.clone(), states);
+        audio[(0.1 * RATE) as usize..(0.4 * RATE) as usize].to_vec()
+    };
+    let recorded = of(0.5);
+    for (speed, frequency) in [(0.25, 400.0), (0.4, 640.0), (0.75, 1200.0), (1.0, 1600.0)] {
+        let x = of(speed);
+        assert!(db(rms(&x) / rms(&recorded)).abs() < 0.2, "{speed}: {}", db(rms(&x) / rms(&recorded)));
+        assert!(impurity(&x, frequency) < 1e-3, "{speed}: {}", impurity(&x, frequency));
+    }
+    assert!(impurity(&recorded, 800.0) < 1e-3);
+    // The speed rises within the contact: phases go on in grains, and grains fade into each other.
+    let states = contact(State::Sliding, 60.0, 1.9, |t| (1.0, 0.5 + 0.3 * t as f32));
+    let x = sliding_of(dictionary_with_tracks(), p, states);
+    let middle = &x[(0.2 * RATE) as usize..(1.7 * RATE) as usize];
+    assert!(db(rms(middle) / rms(&recorded)).abs() < 1.0, "{}", db(rms(middle) / rms(&recorded)));
 }
 
 #[test]
