@@ -24,59 +24,85 @@
 
 use realfft::{ComplexToReal, RealToComplex};
 use rustfft::{Fft, FftNum};
-use std::fmt;
 use std::sync::Arc;
 
-/// Plans of real transforms of one type.
-pub trait RealPlans<T>: Send {
-    /// The plan from `len` samples to `len / 2 + 1` complex numbers.
-    fn forward(&mut self, len: usize) -> Arc<dyn RealToComplex<T>>;
-    /// The plan from `len / 2 + 1` complex numbers to `len` samples.
-    fn inverse(&mut self, len: usize) -> Arc<dyn ComplexToReal<T>>;
+/// Plans of transforms of one type, forward as `F` and inverse as `I`.
+trait Plans<F: ?Sized, I: ?Sized>: Send {
+    fn forward(&mut self, len: usize) -> Arc<F>;
+    fn inverse(&mut self, len: usize) -> Arc<I>;
 }
 
-/// Plans of complex transforms of one type.
-pub trait ComplexPlans<T>: Send {
-    /// The plan forward.
-    fn forward(&mut self, len: usize) -> Arc<dyn Fft<T>>;
-    /// The plan of the inverse.
-    fn inverse(&mut self, len: usize) -> Arc<dyn Fft<T>>;
+/// Plans transforms, and shares what plans of several lengths have in common.
+pub struct Planner<F: ?Sized, I: ?Sized>(Box<dyn Plans<F, I>>);
+
+/// Plans from `len` real samples to `len / 2 + 1` complex numbers and back, as `realfft::RealFftPlanner`.
+pub type RealFftPlanner<T> = Planner<dyn RealToComplex<T>, dyn ComplexToReal<T>>;
+
+/// Plans of `len` complex numbers, as `rustfft::FftPlanner`.
+pub type FftPlanner<T> = Planner<dyn Fft<T>, dyn Fft<T>>;
+
+impl<F: ?Sized, I: ?Sized> Planner<F, I> {
+    /// The plan forward; not normalized.
+    pub fn plan_fft_forward(&mut self, len: usize) -> Arc<F> {
+        self.0.forward(len)
+    }
+
+    /// The plan of the inverse: `len` times the input of the forward transform.
+    pub fn plan_fft_inverse(&mut self, len: usize) -> Arc<I> {
+        self.0.inverse(len)
+    }
 }
 
 /// A number that transforms are compiled for.
 pub trait Sample: FftNum {
-    /// New plans of real transforms.
-    fn real() -> Box<dyn RealPlans<Self>>;
-    /// New plans of complex transforms.
-    fn complex() -> Box<dyn ComplexPlans<Self>>;
+    /// A planner of real transforms without plans.
+    fn real() -> RealFftPlanner<Self>;
+    /// A planner of complex transforms without plans.
+    fn complex() -> FftPlanner<Self>;
+}
+
+#[allow(clippy::new_without_default)] // As the planners that these stand for.
+impl<T: Sample> RealFftPlanner<T> {
+    /// A planner without plans.
+    #[must_use]
+    pub fn new() -> Self {
+        T::real()
+    }
+}
+
+#[allow(clippy::new_without_default)]
+impl<T: Sample> FftPlanner<T> {
+    /// A planner without plans.
+    #[must_use]
+    pub fn new() -> Self {
+        T::complex()
+    }
+}
+
+macro_rules! plans {
+    ($planner:ty, $forward:ty, $inverse:ty) => {
+        impl Plans<$forward, $inverse> for $planner {
+            fn forward(&mut self, len: usize) -> Arc<$forward> {
+                self.plan_fft_forward(len)
+            }
+            fn inverse(&mut self, len: usize) -> Arc<$inverse> {
+                self.plan_fft_inverse(len)
+            }
+        }
+    };
 }
 
 macro_rules! sample {
     ($t:ty) => {
-        impl RealPlans<$t> for realfft::RealFftPlanner<$t> {
-            fn forward(&mut self, len: usize) -> Arc<dyn RealToComplex<$t>> {
-                self.plan_fft_forward(len)
-            }
-            fn inverse(&mut self, len: usize) -> Arc<dyn ComplexToReal<$t>> {
-                self.plan_fft_inverse(len)
-            }
-        }
-
-        impl ComplexPlans<$t> for rustfft::FftPlanner<$t> {
-            fn forward(&mut self, len: usize) -> Arc<dyn Fft<$t>> {
-                self.plan_fft_forward(len)
-            }
-            fn inverse(&mut self, len: usize) -> Arc<dyn Fft<$t>> {
-                self.plan_fft_inverse(len)
-            }
-        }
+        plans!(realfft::RealFftPlanner<$t>, dyn RealToComplex<$t>, dyn ComplexToReal<$t>);
+        plans!(rustfft::FftPlanner<$t>, dyn Fft<$t>, dyn Fft<$t>);
 
         impl Sample for $t {
-            fn real() -> Box<dyn RealPlans<$t>> {
-                Box::new(realfft::RealFftPlanner::new())
+            fn real() -> RealFftPlanner<$t> {
+                Planner(Box::new(realfft::RealFftPlanner::new()))
             }
-            fn complex() -> Box<dyn ComplexPlans<$t>> {
-                Box::new(rustfft::FftPlanner::new())
+            fn complex() -> FftPlanner<$t> {
+                Planner(Box::new(rustfft::FftPlanner::new()))
             }
         }
     };
@@ -84,69 +110,3 @@ macro_rules! sample {
 
 sample!(f32);
 sample!(f64);
-
-/// Plans real transforms, and shares what plans of several lengths have in common; as `realfft::RealFftPlanner`.
-pub struct RealFftPlanner<T: Sample>(Box<dyn RealPlans<T>>);
-
-impl<T: Sample> RealFftPlanner<T> {
-    /// A planner without plans.
-    #[must_use]
-    pub fn new() -> Self {
-        Self(T::real())
-    }
-
-    /// The plan from `len` samples to `len / 2 + 1` complex numbers; not normalized.
-    pub fn plan_fft_forward(&mut self, len: usize) -> Arc<dyn RealToComplex<T>> {
-        self.0.forward(len)
-    }
-
-    /// The plan from `len / 2 + 1` complex numbers to `len` samples; `len` times the input of the forward transform.
-    pub fn plan_fft_inverse(&mut self, len: usize) -> Arc<dyn ComplexToReal<T>> {
-        self.0.inverse(len)
-    }
-}
-
-impl<T: Sample> Default for RealFftPlanner<T> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl<T: Sample> fmt::Debug for RealFftPlanner<T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("RealFftPlanner")
-    }
-}
-
-/// Plans complex transforms, and shares what plans of several lengths have in common; as `rustfft::FftPlanner`.
-pub struct FftPlanner<T: Sample>(Box<dyn ComplexPlans<T>>);
-
-impl<T: Sample> FftPlanner<T> {
-    /// A planner without plans.
-    #[must_use]
-    pub fn new() -> Self {
-        Self(T::complex())
-    }
-
-    /// The plan of `len` complex numbers; not normalized.
-    pub fn plan_fft_forward(&mut self, len: usize) -> Arc<dyn Fft<T>> {
-        self.0.forward(len)
-    }
-
-    /// The plan of the inverse: `len` times the input of the forward transform.
-    pub fn plan_fft_inverse(&mut self, len: usize) -> Arc<dyn Fft<T>> {
-        self.0.inverse(len)
-    }
-}
-
-impl<T: Sample> Default for FftPlanner<T> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl<T: Sample> fmt::Debug for FftPlanner<T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("FftPlanner")
-    }
-}

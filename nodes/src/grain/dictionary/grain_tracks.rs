@@ -91,7 +91,8 @@ impl Counted {
     }
 }
 
-/// The sinusoids of grains of one source, in order of time, with up to `margin` samples around each, or as many as its tapers have. `channels` are the samples of the source.
+/// The sinusoids of grains of one source, in order of time, with up to `margin` samples around each, or as many as its tapers have.
+/// `channels` are the samples of the source.
 ///
 /// # Complexity
 /// One transform a hop, and O(points).
@@ -216,8 +217,10 @@ impl SteadyTracks {
         if found != wanted {
             return Err(GrainError::Length { what: "grains with tracks", found, wanted });
         }
-        if self.hop == 0 {
-            return Err(GrainError::Length { what: "samples from row to row", found: 0, wanted: 1 });
+        // More than a second would be no row of what is heard.
+        if self.hop == 0 || f64::from(self.hop) > dictionary.rate {
+            let found = self.hop as usize;
+            return Err(GrainError::Length { what: "samples from row to row", found, wanted: 1 });
         }
         for (k, (grain, tracks)) in dictionary.grains.iter().zip(&self.grains).enumerate() {
             let channels = dictionary.channels(grain);

@@ -125,7 +125,9 @@ pub struct GrainDictionary {
 #[non_exhaustive]
 pub enum GrainError {
     /// Another version of the format.
-    #[error("the grain dictionary has version {found}; this reads version {GRAINS_VERSION}: make it again")]
+    #[error(
+        "the grain dictionary has version {found}; this reads versions 2 and {GRAINS_VERSION}: make it again"
+    )]
     Version {
         /// The version found.
         found: u32,

@@ -150,8 +150,9 @@ fn files_and_subsets_have_the_tracks_and_damage_is_found() {
     let start = all.grains[4].start as i64;
     assert_eq!(played(&some, 1, 1, 0.7, start, 300), played(&all, 4, 1, 0.7, start, 300));
     type Damage = fn(&mut SteadyTracks);
-    let damages: [Damage; 6] = [
+    let damages: [Damage; 7] = [
         |t| t.hop = 0,
+        |t| t.hop = u32::MAX,
         |t| drop(t.grains.pop()),
         |t| t.grains[4].rows = 2,
         |t| t.grains[4].lines[0].channel = 2,
