@@ -9,6 +9,8 @@ use super::report::{Likeness, LineReport, RepeatReport, Statistic, TakeFigures};
 use super::spectrogram::spectrogram;
 use super::statistics::SoundStatistics;
 use super::takes::Take;
+use crate::core::item::Data;
+use crate::core::random::Rng;
 
 /// Active frames of a recording that is measured at least.
 const LEAST_FRAMES: usize = 4;
@@ -263,10 +265,25 @@ pub fn compare(sound: &[f32], rate: f64, takes: &[Take], rules: &LikenessRules) 
     out
 }
 
+impl Data for Likeness {
+    const NAME: &'static str = "likeness";
+    const PLOTS: bool = true;
+
+    fn trial(rng: &mut Rng) -> Self {
+        let samples: Vec<f32> = (0..4000).map(|_| rng.between(-0.5, 0.5) as f32).collect();
+        compare(&samples, 8000.0, &[], &LikenessRules::default())
+    }
+
+    /// The spectrogram, on which the longest repeats and the loudest joins are marked, and the values of the sound beside those of the
+    /// recordings.
+    fn plot(&self) -> Option<String> {
+        Some(figure::draw(self))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::item::Data as _;
     use crate::core::random::Rng;
     use crate::likeness::statistics::testing::gaussian;
 

@@ -1,12 +1,9 @@
 //! The result of a comparison.
 
 use super::envelope_lines::HarmonicLine;
-use super::figure;
 use super::joins::JoinReport;
 use super::repeats::RepeatStretch;
-use crate::core::item::Data;
 use crate::core::node::Summary;
-use crate::core::random::Rng;
 use crate::plot::{Chart, Image};
 use crate::table::{Cell, ResultTable};
 use serde::{Deserialize, Serialize};
@@ -305,21 +302,5 @@ impl Likeness {
         ];
         summary.extend(self.notes.iter().map(|note| ("notice", note.as_str().into())));
         summary
-    }
-}
-
-impl Data for Likeness {
-    const NAME: &'static str = "likeness";
-    const PLOTS: bool = true;
-
-    fn trial(rng: &mut Rng) -> Self {
-        let samples: Vec<f32> = (0..4000).map(|_| rng.between(-0.5, 0.5) as f32).collect();
-        super::compare(&samples, 8000.0, &[], &super::LikenessRules::default())
-    }
-
-    /// The spectrogram, on which the longest repeats and the loudest joins are marked, and the values of the sound beside those of the
-    /// recordings.
-    fn plot(&self) -> Option<String> {
-        Some(figure::draw(self))
     }
 }

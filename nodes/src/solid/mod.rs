@@ -9,6 +9,7 @@ pub mod model;
 
 pub use fem::eigen::{EigenError, Request};
 pub use fem::elements::{Isotropic, Order};
+pub use mesh::error::TetMeshError;
 pub use mesh::formats::read_tets;
-pub use mesh::tet_mesh::{TetMesh, TetMeshError};
+pub use mesh::tet_mesh::TetMesh;
 pub use model::modal_model::ModalModel;

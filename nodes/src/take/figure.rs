@@ -2,7 +2,11 @@
 
 use super::cutting::{DIGITAL_SILENCE, levels};
 use super::takes::{CutRecording, Takes};
+use crate::core::item::Data;
+use crate::core::random::Rng;
+use crate::core::time::Rate;
 use crate::plot::{Axis, Line, Span, chart, colour, grid, with_spans};
+use crate::unit::UnitSource;
 
 /// Most recordings that are drawn.
 const DRAWN: usize = 24;
@@ -12,7 +16,7 @@ const NUMBERED: usize = 40;
 const POINTS: usize = 600;
 
 /// One chart per recording, two in a row: its level, its noise floor and its takes.
-pub(super) fn draw(takes: &Takes) -> Option<String> {
+fn draw(takes: &Takes) -> Option<String> {
     let drawn = takes.recordings.iter().filter(|recording| !recording.is_empty()).take(DRAWN);
     let charts: Vec<String> = drawn.map(|recording| one(recording, takes.rate.as_f64())).collect();
     (!charts.is_empty()).then(|| grid(&charts, 2))
@@ -48,4 +52,28 @@ fn one(recording: &CutRecording, rate: f64) -> String {
         })
         .collect();
     with_spans(&chart(&title, &x, &y, &lines), &x, &spans)
+}
+
+impl Data for Takes {
+    const NAME: &'static str = "takes";
+    const PLOTS: bool = true;
+
+    fn trial(rng: &mut Rng) -> Self {
+        let mut recording = |k: usize| {
+            let x: Vec<f32> = (0..3000).map(|_| rng.between(-0.3, 0.3) as f32).collect();
+            CutRecording {
+                source: UnitSource { provenance: format!("trial_{k}.wav"), ..UnitSource::default() },
+                channels: vec![x],
+                takes: vec![0..1200, 1500..3000],
+                floor: -60.0,
+                gain: 1.0,
+            }
+        };
+        Self { rate: Rate::hz(8000), recordings: (0..2).map(&mut recording).collect() }
+    }
+
+    /// Draws the takes in the levels of their recordings.
+    fn plot(&self) -> Option<String> {
+        draw(self)
+    }
 }

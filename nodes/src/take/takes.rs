@@ -4,9 +4,6 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::figure;
-use crate::core::item::Data;
-use crate::core::random::Rng;
 use crate::core::time::Rate;
 use crate::dsp::{DspError, Quality, Resampler};
 use crate::unit::UnitSource;
@@ -95,29 +92,5 @@ impl Takes {
     #[must_use]
     pub fn count(&self) -> usize {
         self.recordings.iter().map(|r| r.takes.len()).sum()
-    }
-}
-
-impl Data for Takes {
-    const NAME: &'static str = "takes";
-    const PLOTS: bool = true;
-
-    fn trial(rng: &mut Rng) -> Self {
-        let mut recording = |k: usize| {
-            let x: Vec<f32> = (0..3000).map(|_| rng.between(-0.3, 0.3) as f32).collect();
-            CutRecording {
-                source: UnitSource { provenance: format!("trial_{k}.wav"), ..UnitSource::default() },
-                channels: vec![x],
-                takes: vec![0..1200, 1500..3000],
-                floor: -60.0,
-                gain: 1.0,
-            }
-        };
-        Self { rate: Rate::hz(8000), recordings: (0..2).map(&mut recording).collect() }
-    }
-
-    /// Draws the takes in the levels of their recordings.
-    fn plot(&self) -> Option<String> {
-        figure::draw(self)
     }
 }

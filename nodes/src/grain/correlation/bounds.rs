@@ -1,6 +1,6 @@
 //! Bounds of correlations, by the energies of bands of frequencies.
 
-use super::peaks::Normaliser;
+use super::normaliser::Normaliser;
 use crate::grain::dictionary::TaperShape;
 use foley_fft::RealFftPlanner;
 use realfft::RealToComplex;

@@ -4,6 +4,7 @@ mod bounds;
 pub mod correlation_patterns_file;
 mod file;
 pub mod grain_correlate;
+mod normaliser;
 mod patterns;
 mod peaks;
 mod search;

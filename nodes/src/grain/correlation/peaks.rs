@@ -1,80 +1,8 @@
 //! Peaks of the normalised cross-correlation of one grain.
 
 use super::bounds::SEGMENT;
+use super::normaliser::{BLOCK, Normaliser};
 use super::transform::{Blocks, Buffers};
-use crate::dsp::db_to_linear;
-
-/// What a correlation is divided by, and when it is 0.
-#[derive(Clone, Debug)]
-pub struct Normaliser {
-    /// Sum of the squares of the samples before each.
-    energy: Vec<f64>,
-    /// Amplitude below which a window is silent.
-    floor: f64,
-    /// Norm of the whole recording, which replaces that of each window.
-    global: Option<f64>,
-}
-
-impl Normaliser {
-    /// For a recording. Windows with a root mean square below `floor_db` of its peak, or below -120 dB of full scale, correlate with nothing.
-    #[must_use]
-    pub fn new(x: &[f32], floor_db: f64, is_global: bool) -> Self {
-        let mut energy = Vec::with_capacity(x.len() + 1);
-        let mut sum = 0.0;
-        energy.push(sum);
-        for x in x {
-            sum += f64::from(*x).powi(2);
-            energy.push(sum);
-        }
-        let peak = x.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
-        let floor = (f64::from(peak) * db_to_linear(floor_db)).max(1e-6);
-        Self { energy, floor, global: is_global.then(|| sum.sqrt()) }
-    }
-
-    /// Samples of the recording.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.energy.len() - 1
-    }
-
-    fn window(&self, t: usize, len: usize) -> f64 {
-        (self.energy[(t + len).min(self.len())] - self.energy[t.min(self.len())]).max(0.0)
-    }
-
-    /// The norm by which a correlation at `t` is divided, beside that of the grain; `None` in silence.
-    #[must_use]
-    pub fn norm(&self, t: usize, len: usize) -> Option<f64> {
-        let norm = self.window(t, len).sqrt();
-        let is_loud = norm >= self.floor * (len as f64).sqrt();
-        is_loud.then(|| self.global.unwrap_or(norm))
-    }
-
-    /// A bound of [`Self::norm`] from below for all windows that begin in `t .. t + count`.
-    #[must_use]
-    pub fn least(&self, t: usize, count: usize, len: usize) -> f64 {
-        if let Some(norm) = self.global {
-            return norm;
-        }
-        let common = if len > count { self.window(t + count, len - count).sqrt() } else { 0.0 };
-        common.max(self.floor * (len as f64).sqrt())
-    }
-
-    /// As [`Self::least`], found in parts of `count`, since it is closer for few windows.
-    #[must_use]
-    pub fn least_of(&self, t: usize, count: usize, len: usize) -> f64 {
-        (t..t + count).step_by(BLOCK).map(|t| self.least(t, BLOCK, len)).fold(f64::INFINITY, f64::min)
-    }
-
-    /// The mean square under a window of a grain.
-    #[must_use]
-    pub fn weighted_power(x: &[f32], window: impl Iterator<Item = f64>) -> f64 {
-        let sum: f64 = x.iter().zip(window).map(|(x, w)| (w * f64::from(*x)).powi(2)).sum();
-        sum / x.len().max(1) as f64
-    }
-}
-
-/// Outputs that are skipped, or normalised, together.
-const BLOCK: usize = 64;
 
 /// Normalised correlations of one grain, computed block by block when they are needed.
 #[derive(Clone, Debug, Default)]

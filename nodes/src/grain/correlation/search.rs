@@ -1,10 +1,11 @@
 //! The best grains for each part of each recording.
 
 use super::bounds::{SEGMENT, SegmentBands};
+use super::normaliser::Normaliser;
 use super::patterns::{
     CorrelationPatterns, PATTERNS_VERSION, Pattern, Peak, stored_correlation, stored_gain,
 };
-use super::peaks::{GrainCorrelation, Normaliser, Scores, Transforms};
+use super::peaks::{GrainCorrelation, Scores, Transforms};
 use super::transform::{Blocks, best_size};
 use crate::core::computation::Partial;
 use crate::grain::dictionary::GrainDictionary;

@@ -1,7 +1,9 @@
 //! Extraction of grains from recordings.
 
+use super::error::GRAINS_VERSION;
+use super::grain::Grain;
 use super::grain_tracks::{GrainTracks, SteadyTracks, tracks_of_grains};
-use super::grains::{GRAINS_VERSION, Grain, GrainDictionary, GrainSource, Run};
+use super::grains::{GrainDictionary, GrainSource, Run};
 use super::taper::TaperShape;
 use crate::choices;
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};

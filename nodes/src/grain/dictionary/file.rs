@@ -1,7 +1,8 @@
 //! The file of a grain dictionary.
 
 use super::coding::{Coding, DENSEST, decode, flac};
-use super::grains::{GRAINS_VERSION, GrainDictionary, GrainError};
+use super::error::{GRAINS_VERSION, GrainError};
+use super::grains::GrainDictionary;
 use crate::artefact::sealed::{seal, unseal};
 use crate::artefact::value_file::Artefact;
 use crate::core::node::Summary;

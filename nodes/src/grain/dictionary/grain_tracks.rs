@@ -1,6 +1,7 @@
 //! Sinusoids of steady grains, by which their frequencies change and their durations do not.
 
-use super::grains::{Grain, GrainDictionary, GrainError};
+use super::error::GrainError;
+use super::grain::Grain;
 use crate::grain::sinusoid::{PeakRules, SinePeak, Track, TrackRules, add_integrated, find_tracks};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -208,22 +209,25 @@ impl SteadyTracks {
         Self { hop: self.hop, grains: grains.map(|(_, tracks)| tracks.clone()).collect() }
     }
 
-    /// Checks what the type does not enforce.
+    /// Checks what the type does not enforce, for a dictionary of a rate whose grains have these numbers of channels.
     ///
     /// # Errors
     /// The first thing found.
-    pub(super) fn validate(&self, dictionary: &GrainDictionary) -> Result<(), GrainError> {
-        let (found, wanted) = (self.grains.len(), dictionary.grains.len());
+    pub(super) fn validate(
+        &self,
+        rate: f64,
+        channels: impl ExactSizeIterator<Item = usize>,
+    ) -> Result<(), GrainError> {
+        let (found, wanted) = (self.grains.len(), channels.len());
         if found != wanted {
             return Err(GrainError::Length { what: "grains with tracks", found, wanted });
         }
         // More than a second would be no row of what is heard.
-        if self.hop == 0 || f64::from(self.hop) > dictionary.rate {
+        if self.hop == 0 || f64::from(self.hop) > rate {
             let found = self.hop as usize;
             return Err(GrainError::Length { what: "samples from row to row", found, wanted: 1 });
         }
-        for (k, (grain, tracks)) in dictionary.grains.iter().zip(&self.grains).enumerate() {
-            let channels = dictionary.channels(grain);
+        for (k, (channels, tracks)) in channels.zip(&self.grains).enumerate() {
             for line in &tracks.lines {
                 let rows = usize::from(line.row) + line.points.len();
                 if line.points.is_empty() || rows > usize::from(tracks.rows) {

@@ -1,5 +1,7 @@
 //! Grains of many recordings.
 
+use super::error::{GRAINS_VERSION, GrainError};
+use super::grain::Grain;
 use super::grain_tracks::SteadyTracks;
 use super::taper::TaperShape;
 use crate::core::item::Data;
@@ -8,58 +10,9 @@ use crate::core::random::Rng;
 use crate::grain::recording::{Component, SourceKind};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
-use thiserror::Error;
 
-/// Version of the format of [`GrainDictionary`].
-pub const GRAINS_VERSION: u32 = 3;
 /// Bytes of a grain beside its samples, as in the budget of a game.
 pub const BYTES_PER_GRAIN: usize = 48;
-
-/// A grain: a piece of a recording, with tapers that overlap those of its neighbours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Grain {
-    /// Index of its source.
-    pub source: u32,
-    /// First sample of its segment in the source.
-    pub start: u64,
-    /// Samples of its segment.
-    pub len: u32,
-    /// Samples that the windowed grain has before and after its segment.
-    pub reach: [u16; 2],
-    /// Samples of its tapers.
-    pub taper: [u16; 2],
-    /// Factor of the windowed grain: that which gives it the mean square of its segment if its tapers lie inside, else 1.
-    pub gain: f32,
-    /// Mean square of the windowed grain, channels averaged.
-    pub power: f32,
-    /// Centroid of its spectrum, Hz.
-    pub centroid: f32,
-    /// Index of the run that contains it.
-    pub run: u32,
-    /// First sample of its segment in the run.
-    pub position: u32,
-}
-
-impl Grain {
-    /// Samples of the windowed grain.
-    #[must_use]
-    pub fn window_len(&self) -> usize {
-        self.len as usize + usize::from(self.reach[0]) + usize::from(self.reach[1])
-    }
-
-    /// First sample of the windowed grain in its source.
-    #[must_use]
-    pub fn window_start(&self) -> u64 {
-        self.start - u64::from(self.reach[0])
-    }
-
-    /// The windowed grain in its run.
-    #[must_use]
-    pub fn span(&self) -> Range<usize> {
-        let start = (self.position as usize).saturating_sub(self.reach[0].into());
-        start..start + self.window_len()
-    }
-}
 
 /// A component of a recording that grains come from.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -118,51 +71,6 @@ pub struct GrainDictionary {
     pub samples: Vec<f32>,
     /// Sinusoids of steady grains.
     pub tracks: Option<SteadyTracks>,
-}
-
-/// Reasons why a dictionary cannot be used.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum GrainError {
-    /// Another version of the format.
-    #[error(
-        "the grain dictionary has version {found}; this reads versions 2 and {GRAINS_VERSION}: make it again"
-    )]
-    Version {
-        /// The version found.
-        found: u32,
-    },
-    /// No grain.
-    #[error("the grain dictionary has no grain: all recordings are silent or below the levels of `discard`")]
-    Empty,
-    /// A field that does not fit to the others.
-    #[error("`{field}` of grain {grain} is {found}, outside its run or source")]
-    Grain {
-        /// Index of the grain.
-        grain: usize,
-        /// Name of the field.
-        field: &'static str,
-        /// The value found.
-        found: u64,
-    },
-    /// A number of samples that does not fit.
-    #[error("the grain dictionary has {found} {what}; {wanted} are needed")]
-    Length {
-        /// What was counted.
-        what: &'static str,
-        /// The number found.
-        found: usize,
-        /// The number needed.
-        wanted: usize,
-    },
-    /// A value that is not finite.
-    #[error("{what} {index} of the grain dictionary is not finite")]
-    NotFinite {
-        /// What it is.
-        what: &'static str,
-        /// Its index.
-        index: usize,
-    },
 }
 
 impl GrainDictionary {
@@ -383,7 +291,8 @@ impl GrainDictionary {
         if let Some(index) = self.steps.iter().position(|step| !step.is_finite()) {
             return Err(GrainError::NotFinite { what: "step", index });
         }
-        self.tracks.as_ref().map_or(Ok(()), |tracks| tracks.validate(self))
+        let channels = self.grains.iter().map(|grain| self.channels(grain));
+        self.tracks.as_ref().map_or(Ok(()), |tracks| tracks.validate(self.rate, channels))
     }
 
     /// Digest of all that patterns refer to.

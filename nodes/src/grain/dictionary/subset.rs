@@ -1,6 +1,7 @@
 //! Some of the grains of a dictionary.
 
-use super::grains::{BYTES_PER_GRAIN, Grain, GrainDictionary, Run};
+use super::grain::Grain;
+use super::grains::{BYTES_PER_GRAIN, GrainDictionary, Run};
 use std::ops::Range;
 
 /// Samples of a run that some of its grains need: each windowed grain, and up to `margin` samples around it.

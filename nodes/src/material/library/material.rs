@@ -1,10 +1,6 @@
 //! A material: its damping, its elastic constants and their provenance.
 
-use super::reader::{read_material, write_material};
-use crate::artefact::value_file::Artefact;
-use crate::core::item::Data;
 use crate::core::node::Summary;
-use crate::core::random::Rng;
 use crate::material::damping::DampingModel;
 use crate::material::estimation::report::REPORTED_HZ;
 use serde::{Deserialize, Serialize};
@@ -94,49 +90,5 @@ impl Material {
             ("material", self.name.as_str().into()),
             ("t60_s_at_100_300_1k_3k_10k_hz", serde_json::json!(t60)),
         ]
-    }
-}
-
-impl Artefact for Material {
-    const CODE: &'static str = "F137";
-    const HELP: Option<&'static str> = Some("a DampingFit makes materials, and a MaterialOut writes them");
-
-    fn from_file(bytes: &[u8]) -> Result<Self, String> {
-        read_material(bytes).map_err(|e| e.to_string())
-    }
-
-    fn summary(&self) -> Summary {
-        Self::summary(self)
-    }
-}
-
-impl Data for Material {
-    const NAME: &'static str = "material";
-    const FILES: bool = true;
-
-    fn trial(rng: &mut Rng) -> Self {
-        let damping = match rng.below(3) {
-            0 => DampingModel::Rayleigh { a1: rng.between(1.0, 40.0), a2: rng.between(1e-9, 1e-7) },
-            1 => DampingModel::Hybrid {
-                g1: rng.between(1.0, 40.0),
-                g2: rng.between(1e-9, 1e-7),
-                g3: rng.between(0.9, 1.1),
-            },
-            _ => {
-                let knots = vec![1e6, 1e7, 1e8, 1e9];
-                DampingModel::Spline { knots, rises: (0..6).map(|_| rng.between(0.0, 9.0)).collect() }
-            }
-        };
-        let elastic = (rng.below(2) == 0).then(|| Elastic {
-            young: rng.between(2e9, 2e11),
-            poisson: rng.between(0.1, 0.4),
-            density: rng.between(700.0, 8000.0),
-            source: "trial".into(),
-        });
-        Self { elastic, licence: "CC0-1.0".into(), ..Self::new("trial", damping) }
-    }
-
-    fn file(&self) -> Option<Vec<u8>> {
-        Some(write_material(self, &[]).into_bytes())
     }
 }

@@ -1,6 +1,6 @@
 //! Coefficients of the recursion from frequencies and dampings, in double precision.
 
-use super::kernel::{InputGain, LANES, Lanes};
+use super::lanes::{InputGain, LANES, Lanes};
 use crate::modal::mode::modes::Modes;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;

@@ -1,6 +1,6 @@
 //! Dampings of a bank that change while it sounds.
 
-use super::kernel::GRID;
+use super::lanes::GRID;
 use super::resonators::Bank;
 use crate::impl_state;
 use crate::modal::mode::damping_curve::DampingCurve;

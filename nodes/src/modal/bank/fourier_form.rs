@@ -2,7 +2,7 @@
 
 use super::coefficients::Group;
 use super::hop_fit::{HopFit, MAX_BINS};
-use super::kernel::{GRID, LANES, Lanes};
+use super::lanes::{GRID, LANES, Lanes};
 use crate::{choices, impl_state};
 use fearless_simd::{Level, dispatch};
 use foley_fft::RealFftPlanner;

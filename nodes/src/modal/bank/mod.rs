@@ -5,6 +5,7 @@ mod dampings;
 pub mod fourier_form;
 mod hop_fit;
 mod kernel;
+mod lanes;
 pub mod loudness;
 pub mod modal_bank;
 mod moving_points;

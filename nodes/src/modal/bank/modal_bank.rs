@@ -2,7 +2,7 @@
 
 use super::dampings::Dampings;
 use super::fourier_form::BankForm;
-use super::kernel::GRID;
+use super::lanes::GRID;
 use super::loudness::unit;
 use super::moving_points::MovingPoints;
 use super::resonators::{Bank, BankOutput};

@@ -4,7 +4,8 @@ mod changes;
 
 use super::coefficients::{Group, MAX_FREQUENCY, Radiation, audible};
 use super::fourier_form::{BankForm, FourierForm, Limits};
-use super::kernel::{self, Forces, GRID, InputGain, LANES, Lanes, Part};
+use super::kernel::{self, Forces, Part};
+use super::lanes::{GRID, InputGain, LANES, Lanes};
 use super::two_pole::TwoPole;
 use crate::dsp::{Gain, db_to_linear};
 use crate::modal::mode::modes::{Modes, ModesError};

@@ -1,6 +1,6 @@
 //! Modes that ring freely with constant coefficients, as two-pole recursions over one grid interval.
 
-use super::kernel::{GRID, LANES, Lanes};
+use super::lanes::{GRID, LANES, Lanes};
 use serde::{Deserialize, Serialize};
 
 /// The least magnitude of the imaginary part of a step: 56 Hz at 44.1 kHz. Slower modes lose digits.

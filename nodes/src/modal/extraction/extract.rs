@@ -1,14 +1,14 @@
 //! Modes from a recording of one impact.
 
 use super::dictionary::Problem;
-use super::exponentials::{C, add, energy, products};
+use super::exponentials::{C, energy, products};
 use super::feature::{Feature, MAX_DECAY};
 use super::greedy::{Request, greedy};
 use super::noise_bands::noise_bands;
 use super::noise_floor::NoiseFloor;
 use super::onset::onset;
 use super::peak_fit::FitDomain;
-use super::refinement::{Limits, Sines, refine, unit_deviations};
+use super::refinement::{Limits, Sines, refine, unit_deviations, without};
 use super::subband::candidates;
 use crate::modal::mode::modes::{MODES_VERSION, Modes};
 use crate::modal::residual::noise_band::NoiseBand;
@@ -248,14 +248,6 @@ pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Ext
     features.sort_by(|a, b| a.freq_hz.total_cmp(&b.freq_hz));
     let noise = noise_bands(sound, &residual, rate, &noise);
     Ok(Extracted { features, onset, residual, residual_db, late_residual_db, noise })
-}
-
-/// The sound without the sines.
-pub(super) fn without(sound: &[f64], sines: &Sines) -> Vec<f64> {
-    let mut residual = sound.to_vec();
-    let negative: Vec<C> = sines.amplitudes.iter().map(|a| -a).collect();
-    add(&mut residual, &sines.exponents, &negative);
-    residual
 }
 
 /// Number of samples that hold nearly all of the energy.

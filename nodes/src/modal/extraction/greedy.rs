@@ -2,10 +2,9 @@
 
 use super::dictionary::Problem;
 use super::exponentials::{C, add, energy, exp, products};
-use super::extract::without;
 use super::noise_floor::NoiseFloor;
 use super::peak_fit::{Fit, FitDomain, OVER_NOISE, fit, start};
-use super::refinement::{Limits, Sines};
+use super::refinement::{Limits, Sines, without};
 use super::spectrograms::{Level, Spectrograms};
 use std::f64::consts::TAU;
 

@@ -1,7 +1,7 @@
 //! Joint refinement of modes by Levenberg and Marquardt's method.
 
 use super::dictionary::{Problem, Products};
-use super::exponentials::{C, moment_products};
+use super::exponentials::{C, add, moment_products};
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 use std::f64::consts::TAU;
@@ -29,6 +29,14 @@ pub(super) struct Sines {
     pub(super) exponents: Vec<C>,
     /// Complex amplitudes at the first sample.
     pub(super) amplitudes: Vec<C>,
+}
+
+/// The sound without the sines.
+pub(super) fn without(sound: &[f64], sines: &Sines) -> Vec<f64> {
+    let mut residual = sound.to_vec();
+    let negative: Vec<C> = sines.amplitudes.iter().map(|a| -a).collect();
+    add(&mut residual, &sines.exponents, &negative);
+    residual
 }
 
 /// What a set of exponents explains of a recording.

@@ -1,6 +1,6 @@
 //! Contact points on the surface of an object.
 
-use super::mode_shapes::SurfaceView;
+use super::surface_view::SurfaceView;
 use crate::contact::triangle::closest_point;
 use crate::contact::vector::{cross, norm, scale, sub};
 use crate::core::random::Rng;

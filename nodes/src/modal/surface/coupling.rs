@@ -2,7 +2,7 @@
 
 use super::contact::Contact;
 use super::damping_of_contacts::ContactLaw;
-use super::mode_shapes::SurfaceView;
+use super::surface_view::SurfaceView;
 use crate::impl_state;
 
 /// Maximum number of modes that are coupled.

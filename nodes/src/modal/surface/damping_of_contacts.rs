@@ -1,7 +1,7 @@
 //! Damping of the modes of an object by what it rests on or is gripped by.
 
 use super::contact::Contact;
-use super::mode_shapes::SurfaceView;
+use super::surface_view::SurfaceView;
 
 /// How a contact damps.
 #[derive(Clone, Copy, Debug, PartialEq)]

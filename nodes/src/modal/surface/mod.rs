@@ -10,3 +10,4 @@ pub mod mode_shapes;
 pub mod support;
 pub mod support_contacts;
 pub mod surface_index;
+pub mod surface_view;

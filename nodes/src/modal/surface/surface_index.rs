@@ -1,7 +1,7 @@
 //! The nearest point of a surface, by a bounding volume hierarchy.
 
 use super::contact::{Contact, nearest_of};
-use super::mode_shapes::SurfaceView;
+use super::surface_view::SurfaceView;
 use crate::contact::broad_phase::bvh::Bvh;
 use crate::contact::vector::{norm, sub};
 

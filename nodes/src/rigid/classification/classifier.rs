@@ -1,43 +1,14 @@
 //! Classification of contacts frame by frame.
 
-use super::history::{History, Sample};
-use super::impacts::OpenImpact;
+use super::history::Sample;
+use super::impacts::{ImpactDetector, MAX_IMPACTS};
 use super::rules::Rules;
-use crate::contact::vector::{Vec3, add, dot, norm, scale, sub, widen};
+use super::tracked_contact::TrackedContact;
+use crate::contact::vector::{Vec3, dot, norm, scale, sub, widen};
 use crate::core::time::{Tick, seconds, ticks};
 use crate::impl_state;
 use crate::modal::Impact;
 use crate::rigid::item::{ContactFrame, ContactState, State};
-use serde::{Deserialize, Serialize};
-
-/// Capacity of the queue of impacts.
-pub(super) const MAX_IMPACTS: usize = 1024;
-
-/// One contact and its recent frames.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct TrackedContact {
-    pub id: u64,
-    pub latest: ContactFrame,
-    pub history: History,
-    /// Times of the first and of the latest frame.
-    pub first_tick: Tick,
-    last_tick: Tick,
-    state: State,
-    /// True while force and speed hardly vary.
-    pub steady: bool,
-    /// Time of the last change of state.
-    last_change: Option<Tick>,
-    pub last_impact: Option<Tick>,
-    /// True while the latest frame is not tested for an impact.
-    pub pending: bool,
-    /// Impact whose force has not ended.
-    pub open: Option<OpenImpact>,
-    /// Position of the contact on body a and slip in the latest frame.
-    position: Vec3,
-    last_slip: Vec3,
-    /// Velocity over the surface of the other body, if it is computed from positions and body a or body b is at rest.
-    travel: Option<[Vec3; 2]>,
-}
 
 /// Classifier of contacts: impacts, and static, sliding, rolling or mixed contact.
 ///
@@ -50,11 +21,11 @@ pub(super) struct TrackedContact {
 /// choices of this project, and so is the power of sliding and rolling: the paper's force times velocity vanishes for both.
 #[derive(Debug)]
 pub struct Classifier {
-    pub(super) rules: Rules,
+    rules: Rules,
     contacts: Vec<TrackedContact>,
     max_contacts: usize,
     /// Impacts not read yet, with their contacts, in the order of time.
-    pub(super) impacts: Vec<(Tick, u64, Impact)>,
+    impacts: Vec<(Tick, u64, Impact)>,
     /// Number of impacts so far.
     pub impact_count: u64,
     /// Number of frames that are not finite.
@@ -173,12 +144,21 @@ impl Classifier {
         }
     }
 
+    fn impact_detector(&mut self) -> ImpactDetector<'_> {
+        ImpactDetector {
+            rules: &self.rules,
+            impacts: &mut self.impacts,
+            count: &mut self.impact_count,
+            dropped: &mut self.dropped,
+        }
+    }
+
     /// Closes the open impact of a contact, or tests its latest frame for an impact without a next frame.
     fn finish_impact(&mut self, contact: &mut TrackedContact) {
         if contact.open.is_some() {
-            self.close_impact(contact);
+            self.impact_detector().close(contact);
         } else if contact.pending {
-            self.detect_impact(contact, None);
+            self.impact_detector().detect(contact, None);
         }
     }
 
@@ -230,9 +210,9 @@ impl Classifier {
         let sample = contact.history.push(sample, self.rules.blend);
         let mean_force = sample.mean_force;
         let belongs = if contact.open.is_some() {
-            self.extend_impact(contact, sample)
+            self.impact_detector().extend(contact, sample)
         } else {
-            contact.pending && self.detect_impact(contact, Some(sample))
+            contact.pending && self.impact_detector().detect(contact, Some(sample))
         };
         contact.latest = *frame;
         contact.last_tick = tick;
@@ -240,18 +220,13 @@ impl Classifier {
         contact.pending = !belongs;
         let variation = self.update_state(contact, tick, sliding, rolling);
         let min_force = contact.history.min_force(0, self.rules.impact_memory);
-        let min_force = min_force.filter(|_| !self.is_new(contact, tick));
+        let min_force = min_force.filter(|_| !contact.is_new(tick, &self.rules));
         ContactState {
             variation: variation.unwrap_or_default().map(|x| x as f32),
             prominence: (mean_force - min_force.unwrap_or_default().1) as f32,
             median: contact.history.median_force(0, self.rules.impact_median).unwrap_or(0.0) as f32,
             ..self.contact_state(contact, frame, slip, rolling)
         }
-    }
-
-    /// Returns true if a contact began within the time of `impact_memory`, so that its force was 0 then.
-    pub(super) fn is_new(&self, contact: &TrackedContact, tick: Tick) -> bool {
-        tick - contact.first_tick < ticks(self.rules.impact_memory)
     }
 
     /// Updates the state of a contact after its latest frame; returns the variation of force and speed, if defined.
@@ -354,55 +329,6 @@ impl Classifier {
             prominence: 0.0,
             median: 0.0,
         }
-    }
-}
-
-impl TrackedContact {
-    fn new(tick: Tick, frame: &ContactFrame) -> Self {
-        Self {
-            id: frame.contact,
-            latest: *frame,
-            history: History::new(),
-            first_tick: tick,
-            last_tick: tick,
-            state: State::Unsteady,
-            steady: false,
-            last_change: None,
-            last_impact: None,
-            pending: false,
-            open: None,
-            position: frame.local[0],
-            last_slip: [0.0; 3],
-            travel: None,
-        }
-    }
-
-    /// Smallest and largest speed of the contact point over a surface: from the frame, or else from successive positions.
-    fn update_travel_speeds(&mut self, frame: &ContactFrame, slip: Vec3, step: f64) -> [f64; 2] {
-        /// Time constant of smoothing, s.
-        const SMOOTHING: f64 = 0.02;
-        let speeds = match frame.travel.map(|travel| travel.map(widen)) {
-            [Some(a), Some(b)] => [norm(a), norm(b), norm(b)],
-            // Travel over a minus travel over b is the slip.
-            [Some(a), None] => [norm(a), norm(sub(a, slip)), norm(a)],
-            [None, Some(b)] => [norm(add(b, slip)), norm(b), norm(b)],
-            [None, None] => {
-                if self.history.count > 0 {
-                    let point = scale(sub(frame.local[0], self.position), 1.0 / step);
-                    let mean_slip = scale(add(slip, self.last_slip), 0.5);
-                    let now = [sub(point, mean_slip), add(point, mean_slip)];
-                    let part = 1.0 - (-step / SMOOTHING).exp();
-                    let old = self.travel.unwrap_or(now);
-                    self.travel = Some([0, 1].map(|k| add(old[k], scale(sub(now[k], old[k]), part))));
-                }
-                // One of the bodies is at rest, but it is not known which: a body that only slides has no travel over itself.
-                let over = |[b, a]: [Vec3; 2]| [norm(add(b, slip)), norm(b), norm(a)];
-                self.travel.map_or([0.0; 3], over)
-            }
-        };
-        (self.position, self.last_slip) = (frame.local[0], slip);
-        let [first, rest @ ..] = speeds;
-        [rest.iter().fold(first, |a, b| a.min(*b)), first.max(rest[0])]
     }
 }
 

@@ -1,46 +1,39 @@
 //! Detection of impacts: peaks of the normal force with a fast approach.
 
-use super::classifier::{Classifier, MAX_IMPACTS, TrackedContact};
 use super::history::Sample;
-use super::rules::ImpactObjects;
+use super::rules::{ImpactObjects, Rules};
+use super::tracked_contact::{OpenImpact, TrackedContact};
 use crate::core::time::{Tick, ticks};
 use crate::modal::Impact;
 use crate::rigid::item::ContactFrame;
-use serde::{Deserialize, Serialize};
 
 /// Time before a peak of the force within which the speed of approach is the largest, s: at the peak itself it is 0.
 const APPROACH_TIME: f64 = 0.02;
 /// Force of a frame that belongs to an impact, relative to the largest; less while the force falls.
 const PULSE_SHARE: f64 = 0.25;
 
-/// An impact whose force has not ended yet.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct OpenImpact {
-    /// Time of the frame in which it was found.
-    pub found: Tick,
-    /// Time of the impact.
-    at: Tick,
-    /// Speed of approach, m/s.
-    approach: f64,
-    /// Largest force, latest force, and the force before the impact, N.
-    peak: f64,
-    last: f64,
-    base: f64,
-    /// Impulse above the force before the impact so far, N s.
-    impulse: f64,
-    /// Smallest impulse, N s; 0 at the begin of a contact.
-    min_impulse: f64,
-    frame: ContactFrame,
+/// Capacity of the queue of impacts.
+pub(super) const MAX_IMPACTS: usize = 1024;
+
+/// Detector of impacts in the frames of contacts, and their queue.
+pub(super) struct ImpactDetector<'a> {
+    pub rules: &'a Rules,
+    /// Impacts not read yet, with their contacts, in the order of time.
+    pub impacts: &'a mut Vec<(Tick, u64, Impact)>,
+    /// Number of impacts so far.
+    pub count: &'a mut u64,
+    /// Number of impacts beyond the capacity.
+    pub dropped: &'a mut u64,
 }
 
-impl Classifier {
+impl ImpactDetector<'_> {
     /// Tests the pending frame of a contact for an impact, with the next frame or without one; returns true if the next frame belongs to it.
-    pub(super) fn detect_impact(&mut self, contact: &mut TrackedContact, next: Option<Sample>) -> bool {
+    pub fn detect(&mut self, contact: &mut TrackedContact, next: Option<Sample>) -> bool {
         contact.pending = false;
         let age = usize::from(next.is_some());
         let Some(here) = contact.history.back(age) else { return false };
         let before = contact.history.back(age + 1);
-        let rules = &self.rules;
+        let rules = self.rules;
         let is_refractory = contact.last_impact.is_some_and(|at| here.tick - at < ticks(rules.refractory));
         let approach = contact.history.max_approach(age, APPROACH_TIME);
         if is_refractory || approach < rules.impact_approach || here.force <= 0.0 {
@@ -53,7 +46,7 @@ impl Classifier {
         }
         // Before the contact began the force was 0.
         let min_force = contact.history.min_force(age, rules.impact_memory);
-        let (base, _) = min_force.filter(|_| !self.is_new(contact, here.tick)).unwrap_or_default();
+        let (base, _) = min_force.filter(|_| !contact.is_new(here.tick, rules)).unwrap_or_default();
         let median = contact.history.median_force(age, rules.impact_median).unwrap_or(0.0);
         let min_impulse = match before {
             Some(_) => rules.impact_force.max(median) * rules.blend.max(here.step),
@@ -81,14 +74,14 @@ impl Classifier {
         };
         contact.open = Some(open);
         if later.is_none_or(|s| s.tick - here.tick > ticks(self.rules.pulse)) {
-            self.close_impact(contact);
+            self.close(contact);
         }
         later.is_some()
     }
 
     /// Time of an impact in a frame, between the forces of the frame before and after it.
     fn impact_time(&self, frame: &ContactFrame, here: Sample, approach: f64, around: [f64; 2]) -> Tick {
-        let rules = &self.rules;
+        let rules = self.rules;
         if let Some(depth) = frame.depth.filter(|_| frame.begins) {
             let depth = f64::from(depth);
             // A gap opens at the speed of separation, or closes at that of approach after the frame.
@@ -110,12 +103,12 @@ impl Classifier {
     }
 
     /// Adds a frame to the open impact of a contact and returns true, or closes it.
-    pub(super) fn extend_impact(&mut self, contact: &mut TrackedContact, sample: Sample) -> bool {
+    pub fn extend(&mut self, contact: &mut TrackedContact, sample: Sample) -> bool {
         let Some(open) = &mut contact.open else { return false };
         let is_tail = sample.force > open.base && sample.force < open.last;
         let belongs = sample.force >= PULSE_SHARE * open.peak || is_tail;
         if !belongs || sample.tick - open.found > ticks(self.rules.pulse) {
-            self.close_impact(contact);
+            self.close(contact);
             return false;
         }
         open.impulse += (sample.force - open.base).max(0.0) * sample.step;
@@ -124,7 +117,7 @@ impl Classifier {
     }
 
     /// Queues the open impact of a contact, unless it is too weak for the recent forces or these are steady.
-    pub(super) fn close_impact(&mut self, contact: &mut TrackedContact) {
+    pub fn close(&mut self, contact: &mut TrackedContact) {
         let Some(open) = contact.open.take() else { return };
         if open.min_impulse > 0.0 && (open.impulse < open.min_impulse || contact.steady) {
             return;
@@ -158,11 +151,11 @@ impl Classifier {
             ImpactObjects::A => &[0],
             ImpactObjects::B => &[1],
         };
-        self.impact_count += 1;
+        *self.count += 1;
         for &side in sides {
             let (object, local) = (frame.bodies[side], frame.local[side].map(|x| x as f32));
             if self.impacts.len() == MAX_IMPACTS {
-                self.dropped += 1;
+                *self.dropped += 1;
                 return;
             }
             let key = (at, contact, object);

@@ -6,6 +6,7 @@ pub mod contact_report;
 mod history;
 mod impacts;
 mod rules;
+mod tracked_contact;
 
 pub use classifier::Classifier;
 pub use rules::{ImpactObjects, PowerLaw, Rules};

@@ -11,7 +11,7 @@ use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::AT_REST;
 use crate::scrape::force::pulses::{LONGEST, PULSE, Pulses};
 use crate::scrape::force::ramp::Ramp;
-use crate::scrape::force::voices::{CELL, Segment};
+use crate::scrape::force::segment::{CELL, Segment};
 use crate::scrape::isophote::curve_piece::{CurvePiece, across};
 use crate::scrape::isophote::index::IsophoteIndex;
 use crate::scrape::path::piece::{position, velocity};

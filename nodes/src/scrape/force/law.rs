@@ -3,8 +3,8 @@
 use super::approximation::power;
 use super::motion::Motion;
 use super::ramp::Ramp;
+use super::segment::{CELL, Cell, Segment};
 use super::speed_curve::SpeedCurve;
-use super::voices::{CELL, Cell, Segment};
 
 /// Amplitude `kappa (f/f_ref)^a (v/v_ref)^b` with `f_ref` = 1 N and `v_ref` = 1 m/s. Every parameter can change while
 /// it sounds.

@@ -1,6 +1,6 @@
 //! The motion of a contact over a surface: speed, direction, rest and reversals.
 
-use super::voices::{CELL, Cell, Segment};
+use super::segment::{CELL, Cell, Segment};
 use serde::{Deserialize, Serialize};
 
 /// Speed below which a contact counts as at rest, m/s.

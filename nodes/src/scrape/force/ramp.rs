@@ -1,6 +1,6 @@
 //! Numbers that move to new values on a straight line, so that a change of a parameter does not click.
 
-use super::voices::CELL;
+use super::segment::CELL;
 
 /// Ramp of a changed parameter, s.
 pub const RAMP_TIME: f64 = 0.02;

@@ -3,7 +3,7 @@
 use super::end_points::{LINE, Line, Strip};
 use super::index::{IsophoteIndex, Tile};
 use crate::scrape::force::ramp::Ramp;
-use crate::scrape::force::voices::{CELL, Segment};
+use crate::scrape::force::segment::{CELL, Segment};
 
 /// Maximum length of a box of a segment in one query, and of a chord, px.
 const BOX: f64 = 8.0;

@@ -2,7 +2,7 @@
 //!
 //! Single precision, sixteen at a time; callers have to allow for its rounding.
 
-use crate::scrape::force::voices::CELL;
+use crate::scrape::force::segment::CELL;
 
 /// Samples of a segment and the one after.
 pub(super) const LINE: usize = CELL + 1;

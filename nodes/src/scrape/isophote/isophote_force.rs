@@ -16,7 +16,7 @@ use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::{AT_REST, Heading, Motion};
 use crate::scrape::force::pulses::{LONGEST, PULSE, Pulses};
 use crate::scrape::force::ramp::Ramp;
-use crate::scrape::force::voices::{CELL, Segment};
+use crate::scrape::force::segment::{CELL, Segment};
 use crate::texture::Isophotes;
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 use super::chords::{Chords, SegmentPart};
 use super::curve_piece::CurvePiece;
 use super::index::IsophoteIndex;
-use crate::scrape::force::voices::{CELL, Cell};
+use crate::scrape::force::segment::{CELL, Cell};
 
 /// Pieces of curves that are compared at once.
 const MAX_COUNT: usize = 512;

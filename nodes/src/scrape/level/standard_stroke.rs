@@ -5,7 +5,8 @@
 
 use crate::core::time::{Rate, Tick, seconds};
 use crate::scrape::force::law::Law;
-use crate::scrape::force::voices::{Segment, Voices};
+use crate::scrape::force::segment::Segment;
+use crate::scrape::force::voices::Voices;
 use crate::scrape::noise::bands::NoiseBands;
 use crate::scrape::noise::noise_force::{NoiseForce, NoiseVoice};
 use crate::scrape::path::knots::{StrokeContact, circle, pieces};

@@ -5,7 +5,7 @@ use super::surface_map::{Positions, SurfaceMap};
 use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::{Heading, Motion};
 use crate::scrape::force::ramp::Ramp;
-use crate::scrape::force::voices::{CELL, Cell, Segment};
+use crate::scrape::force::segment::{CELL, Cell, Segment};
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;

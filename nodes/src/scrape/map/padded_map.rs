@@ -1,7 +1,7 @@
 //! Maps laid out for reading between pixels: four by four neighbours without tests for borders.
 
 use crate::core::fault::Reject;
-use crate::scrape::force::voices::{CELL, Cell};
+use crate::scrape::force::segment::{CELL, Cell};
 use crate::texture::{Grid, Surface, Wrap};
 
 /// Interpolation between the pixels of a map.

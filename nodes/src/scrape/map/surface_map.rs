@@ -2,7 +2,7 @@
 
 use super::padded_map::{Interp, Lanes, PaddedMap, Patch};
 use crate::scrape::force::approximation::log2;
-use crate::scrape::force::voices::{CELL, Cell};
+use crate::scrape::force::segment::{CELL, Cell};
 use crate::texture::sobel::gradient;
 use crate::texture::{DiscontinuityMap, FeatureMap, Grid, Pyramid, Surface, level_for};
 

@@ -2,7 +2,7 @@
 
 use super::interpolation::{NoiseInterp, PHASES, Row, TAPS, weights};
 use crate::scrape::force::approximation::log2;
-use crate::scrape::force::voices::{CELL, Cell};
+use crate::scrape::force::segment::{CELL, Cell};
 use crate::texture::NoiseLine;
 use fearless_simd::f32x8;
 use fearless_simd::prelude::*;

@@ -4,7 +4,7 @@ use super::bands::NoiseBands;
 use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::{Heading, Motion};
 use crate::scrape::force::ramp::Ramp;
-use crate::scrape::force::voices::{CELL, Segment};
+use crate::scrape::force::segment::{CELL, Segment};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! Heights of a surface, and their offsets under a ball and between two surfaces.
 
-use crate::scrape::force::voices::{CELL, Cell};
+use crate::scrape::force::segment::{CELL, Cell};
 use crate::scrape::map::padded_map::{Interp, PaddedMap};
 use crate::texture::{Grid, Luma, LumaKind, Surface};
 

@@ -6,7 +6,7 @@ use crate::modal::impact::force_ring::ForceRing;
 use crate::modal::impact::pulse::{LONGEST, Law, PulseShape, contact_time};
 use crate::params;
 use crate::scrape::force::motion::AT_REST;
-use crate::scrape::force::voices::{CELL, Cell, Segment};
+use crate::scrape::force::segment::{CELL, Cell, Segment};
 use crate::scrape::path::piece::velocity;
 
 /// Maximum number of impacts in one cell of 64 samples.

@@ -3,7 +3,7 @@
 use super::heights::Relief;
 use crate::scrape::force::law::Law;
 use crate::scrape::force::motion::{AT_REST, Heading, Motion};
-use crate::scrape::force::voices::{CELL, Cell, Segment};
+use crate::scrape::force::segment::{CELL, Cell, Segment};
 use crate::scrape::path::piece::{position, velocity};
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};

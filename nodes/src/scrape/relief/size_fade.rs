@@ -1,7 +1,7 @@
 //! Cross-fades between sizes of a surface.
 
 use crate::scrape::force::ramp::RAMP_TIME;
-use crate::scrape::force::voices::{CELL, Cell, Segment};
+use crate::scrape::force::segment::{CELL, Cell, Segment};
 use crate::scrape::path::piece::PathPiece;
 
 /// A size that changes to another one by a cross-fade of [`RAMP_TIME`] seconds between the sounds at both sizes. A

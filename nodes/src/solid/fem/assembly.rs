@@ -1,7 +1,8 @@
 //! Stiffness and mass of a mesh.
 
+use super::super::mesh::element::edges;
 use super::super::mesh::isoparametric::quadrature;
-use super::super::mesh::tet_mesh::{TetMesh, edges};
+use super::super::mesh::tet_mesh::TetMesh;
 use super::block_matrix::BlockMatrix;
 use super::elements::{Element, Isotropic, Order, curved_matrices};
 use rayon::prelude::*;

@@ -1,6 +1,7 @@
 //! The modes of free vibration below a frequency, with a proof that none is missing.
 
-use super::super::mesh::tet_mesh::{TetMesh, TetMeshError};
+use super::super::mesh::error::TetMeshError;
+use super::super::mesh::tet_mesh::TetMesh;
 use super::assembly::Discretisation;
 use super::block_matrix::BlockMatrix;
 use super::dense;

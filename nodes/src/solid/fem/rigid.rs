@@ -1,7 +1,8 @@
 //! Motions of rigid bodies, which are modes of frequency 0.
 
+use super::super::mesh::error::TetMeshError;
 use super::super::mesh::quality::components;
-use super::super::mesh::tet_mesh::{TetMesh, TetMeshError};
+use super::super::mesh::tet_mesh::TetMesh;
 use super::assembly::Discretisation;
 use super::block_matrix::BlockMatrix;
 use faer::Mat;
@@ -18,7 +19,7 @@ pub fn rigid_motions(
     space: &Discretisation,
     matrix: &BlockMatrix,
 ) -> Result<Mat<f64>, TetMeshError> {
-    let (mut part, parts) = components(mesh)?;
+    let (mut part, parts) = components(mesh.nodes.len(), &mesh.tets)?;
     // A mid-edge node belongs to the part of its edge.
     part.resize(space.nodes.len(), 0);
     for element in &space.elements {

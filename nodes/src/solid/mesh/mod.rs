@@ -1,6 +1,8 @@
 //! Tetrahedral meshes: readers of their formats, and the checks that finite elements require.
 
 pub mod closed_surface;
+pub(in crate::solid) mod element;
+pub mod error;
 pub mod formats;
 pub mod isoparametric;
 pub mod quality;

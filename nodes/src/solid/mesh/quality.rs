@@ -1,6 +1,7 @@
 //! Quality of the elements of a mesh, and the parts that it consists of.
 
-use super::tet_mesh::{TetMesh, TetMeshError, faces, signed_volume};
+use super::element::{faces, signed_volume};
+use super::error::TetMeshError;
 use crate::contact::vector::{cross, dot, norm, sub};
 use crate::mesh::DisjointSets;
 use std::collections::HashMap;
@@ -34,15 +35,15 @@ pub struct Quality {
 
 /// Quality of a mesh.
 #[must_use]
-pub fn quality(mesh: &TetMesh) -> Quality {
-    Quality { worst: worst(mesh), components: by_faces(mesh) }
+pub fn quality(nodes: &[[f64; 3]], tets: &[[u32; 4]]) -> Quality {
+    Quality { worst: worst(nodes, tets), components: by_faces(tets) }
 }
 
 /// The worst element.
-pub(super) fn worst(mesh: &TetMesh) -> Worst {
+pub(super) fn worst(nodes: &[[f64; 3]], tets: &[[u32; 4]]) -> Worst {
     let mut worst = Worst { tet: 0, angle: f64::INFINITY, ratio: f64::INFINITY };
-    for (tet, corners) in mesh.tets.iter().enumerate() {
-        let (angle, ratio) = shape(&mesh.corners(corners));
+    for (tet, corners) in tets.iter().enumerate() {
+        let (angle, ratio) = shape(&corners.map(|c| nodes[c as usize]));
         if angle < worst.angle || ratio < worst.ratio.min(MIN_RATIO) {
             worst.tet = tet;
         }
@@ -79,10 +80,10 @@ pub fn shape(p: &[[f64; 3]; 4]) -> (f64, f64) {
 }
 
 /// Number of parts by shared faces.
-fn by_faces(mesh: &TetMesh) -> usize {
-    let mut sets = DisjointSets::new(mesh.tets.len());
-    let mut first: HashMap<[u32; 3], u32> = HashMap::with_capacity(2 * mesh.tets.len());
-    for (tet, corners) in mesh.tets.iter().enumerate() {
+fn by_faces(tets: &[[u32; 4]]) -> usize {
+    let mut sets = DisjointSets::new(tets.len());
+    let mut first: HashMap<[u32; 3], u32> = HashMap::with_capacity(2 * tets.len());
+    for (tet, corners) in tets.iter().enumerate() {
         for mut face in faces(corners) {
             face.sort_unstable();
             if let Some(other) = first.insert(face, tet as u32) {
@@ -97,12 +98,12 @@ fn by_faces(mesh: &TetMesh) -> usize {
 ///
 /// # Errors
 /// Parts that share nodes but no face.
-pub fn components(mesh: &TetMesh) -> Result<(Vec<u32>, usize), TetMeshError> {
-    let mut sets = DisjointSets::new(mesh.nodes.len());
-    for [a, rest @ ..] in &mesh.tets {
+pub fn components(nodes: usize, tets: &[[u32; 4]]) -> Result<(Vec<u32>, usize), TetMeshError> {
+    let mut sets = DisjointSets::new(nodes);
+    for [a, rest @ ..] in tets {
         rest.iter().for_each(|b| sets.join(*a, *b));
     }
     let (part, count) = sets.number();
-    let parts = by_faces(mesh);
+    let parts = by_faces(tets);
     if parts == count { Ok((part, count)) } else { Err(TetMeshError::Hinge { parts }) }
 }

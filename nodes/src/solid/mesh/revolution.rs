@@ -1,7 +1,9 @@
 //! A shell of revolution: plates, bowls, cups, bells and tubes.
 
+use super::element::signed_volume;
+use super::error::TetMeshError;
 use super::shapes::KUHN;
-use super::tet_mesh::{TetMesh, TetMeshError, signed_volume};
+use super::tet_mesh::TetMesh;
 use std::f64::consts::TAU;
 use thiserror::Error;
 

@@ -1,7 +1,10 @@
 //! Meshes of simple bodies.
 
-use super::tet_mesh::{TetMesh, signed_volume};
+use super::element::signed_volume;
+use super::tet_mesh::TetMesh;
 use crate::contact::vector::{norm, scale};
+use crate::core::item::Data;
+use crate::core::random::Rng;
 use std::collections::BTreeSet;
 
 /// The six tetrahedra of a cube, over its corners `x + 2 y + 4 z`: all share one diagonal, so the cells of a grid fit together.
@@ -94,4 +97,14 @@ fn oriented(nodes: Vec<[f64; 3]>, mut tets: Vec<[u32; 4]>) -> TetMesh {
         }
     }
     TetMesh { nodes, tets, curves: Vec::new() }
+}
+
+impl Data for TetMesh {
+    const NAME: &'static str = "tetrahedral mesh";
+
+    fn trial(rng: &mut Rng) -> Self {
+        let cells = [1 + rng.below(2), 1 + rng.below(2), 1 + rng.below(2)];
+        let size = [0.0; 3].map(|_| rng.between(0.05, 0.1));
+        block(size, cells)
+    }
 }

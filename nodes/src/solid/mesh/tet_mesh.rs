@@ -1,20 +1,15 @@
 //! A mesh of tetrahedra.
 
-use super::isoparametric::{EDGES, POINTS, QuadraturePoint, quadrature};
+use super::element::{edges, faces, signed_volume};
+use super::error::{MAX_TETS, TetMeshError};
+use super::isoparametric::{POINTS, QuadraturePoint, quadrature};
 use super::quality::{self, Quality};
-use crate::contact::vector::{cross, dot, sub};
-use crate::core::item::Data;
 use crate::core::node::Summary;
-use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
-use thiserror::Error;
 
 /// Volume relative to the mean at which an element counts as degenerate.
 const DEGENERATE: f64 = 1e-12;
-/// Maximum number of elements.
-pub const MAX_TETS: usize = 1 << 26;
-
 /// Tetrahedra over nodes in metres, with straight edges except those of `curves`.
 ///
 /// [`TetMesh::new`] checks the invariants: all coordinates are finite, every node is used, every element has a positive volume
@@ -30,109 +25,6 @@ pub struct TetMesh {
     /// The curved edges: ascending ends, and the position of the node between them, m; in the order of the ends.
     #[serde(default)]
     pub curves: Vec<([u32; 2], [f64; 3])>,
-}
-
-/// Error in a tetrahedral mesh.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum TetMeshError {
-    /// A file of another format.
-    #[error("this is {0}; the formats are {formats}", formats = super::formats::FORMATS)]
-    Format(String),
-    /// A mistake at a position of the file.
-    #[error("{position}: {what}")]
-    Text {
-        /// Line or byte.
-        position: String,
-        /// What was found, and what would be right.
-        what: String,
-    },
-    /// No tetrahedra, or too many.
-    #[error("there are {found} tetrahedra; 1 to {MAX_TETS} are needed")]
-    Count {
-        /// The number found.
-        found: usize,
-    },
-    /// A coordinate that is not finite.
-    #[error("node {node} has a coordinate that is not finite or above 1e6 m")]
-    NotFinite {
-        /// Index of the node, from 0.
-        node: usize,
-    },
-    /// An element over a node that does not exist.
-    #[error("tetrahedron {tet} names node {node}; there are {nodes}, counted from 0")]
-    Node {
-        /// Index of the element, from 0.
-        tet: usize,
-        /// Index of the node.
-        node: u32,
-        /// Number of nodes.
-        nodes: usize,
-    },
-    /// An element without volume.
-    #[error(
-        "tetrahedron {tet} has a volume of {volume:e} m^3, less than 1e-12 of the mean: remove it, or mesh the object again"
-    )]
-    Degenerate {
-        /// Index of the element, from 0.
-        tet: usize,
-        /// Its volume.
-        volume: f64,
-    },
-    /// A curved element that is folded.
-    #[error(
-        "the curved tetrahedron {tet} is folded: its Jacobian is {ratio:.3} times that of straight edges at a point, where it has to be above 0: \
-         move the nodes in the middle of its edges, or refine the mesh there"
-    )]
-    Folded {
-        /// Index of the element, from 0.
-        tet: usize,
-        /// Smallest Jacobian at a point of quadrature over that of the element with straight edges.
-        ratio: f64,
-    },
-    /// A curve that no edge has.
-    #[error(
-        "the curve between the nodes {ends:?} is no edge of a tetrahedron, is there twice, or is not finite"
-    )]
-    Curve {
-        /// Indices of the nodes.
-        ends: [u32; 2],
-    },
-    /// Two elements with the same corners.
-    #[error("tetrahedra {first} and {second} have the same nodes: remove one of them")]
-    Duplicate {
-        /// Index of one element, from 0.
-        first: usize,
-        /// Index of the other.
-        second: usize,
-    },
-    /// A face of more than two elements.
-    #[error("the face of nodes {nodes:?} belongs to three tetrahedra or more; at most two may share a face")]
-    Face {
-        /// Indices of the nodes.
-        nodes: [u32; 3],
-    },
-    /// An element too flat to compute with.
-    #[error(
-        "tetrahedron {tet} is too flat: its smallest dihedral angle is {angle} degrees (0.1 are needed), its ratio of radii {ratio:e} (1e-3 is \
-         needed): optimise the mesh"
-    )]
-    Sliver {
-        /// Index of the element, from 0.
-        tet: usize,
-        /// Smallest dihedral angle, degrees.
-        angle: f64,
-        /// Three times the radius of the inscribed sphere over that of the circumscribed one.
-        ratio: f64,
-    },
-    /// Parts that share nodes, but no face.
-    #[error(
-        "{parts} parts of the object touch at a corner or an edge only, as a hinge that turns freely: join them over a face, or take them apart"
-    )]
-    Hinge {
-        /// Number of parts by shared faces.
-        parts: usize,
-    },
 }
 
 impl TetMesh {
@@ -175,7 +67,7 @@ impl TetMesh {
         mesh.distinct()?;
         mesh.sort_curves()?;
         mesh.drop_unused();
-        let worst = quality::worst(&mesh);
+        let worst = quality::worst(&mesh.nodes, &mesh.tets);
         if worst.angle < quality::MIN_ANGLE || worst.ratio < quality::MIN_RATIO {
             return Err(TetMeshError::Sliver { tet: worst.tet, angle: worst.angle, ratio: worst.ratio });
         }
@@ -339,7 +231,7 @@ impl TetMesh {
     /// Worst elements, parts and counts.
     #[must_use]
     pub fn quality(&self) -> Quality {
-        quality::quality(self)
+        quality::quality(&self.nodes, &self.tets)
     }
 
     /// Figures for the summary of a run.
@@ -364,35 +256,9 @@ fn is_near(p: &[f64; 3]) -> bool {
     p.iter().all(|x| x.abs() <= 1e6)
 }
 
-/// The edges of an element, in the order of [`EDGES`], with ascending ends.
-pub(in crate::solid) fn edges(tet: &[u32; 4]) -> [[u32; 2]; 6] {
-    EDGES.map(|[a, b]| [tet[a].min(tet[b]), tet[a].max(tet[b])])
-}
-
 fn sorted(mut face: [u32; 3]) -> [u32; 3] {
     face.sort_unstable();
     face
-}
-
-/// The four faces of an element of positive volume, anticlockwise seen from outside.
-pub(in crate::solid) fn faces([a, b, c, d]: &[u32; 4]) -> [[u32; 3]; 4] {
-    let (a, b, c, d) = (*a, *b, *c, *d);
-    [[a, c, b], [a, b, d], [b, c, d], [a, d, c]]
-}
-
-/// Signed volume of a tetrahedron.
-pub(in crate::solid) fn signed_volume(p: &[[f64; 3]; 4]) -> f64 {
-    dot(sub(p[1], p[0]), cross(sub(p[2], p[0]), sub(p[3], p[0]))) / 6.0
-}
-
-impl Data for TetMesh {
-    const NAME: &'static str = "tetrahedral mesh";
-
-    fn trial(rng: &mut Rng) -> Self {
-        let cells = [1 + rng.below(2), 1 + rng.below(2), 1 + rng.below(2)];
-        let size = [0.0; 3].map(|_| rng.between(0.05, 0.1));
-        super::shapes::block(size, cells)
-    }
 }
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! Cells of a grid inside of a closed surface, as tetrahedra.
 
 use super::closed_surface::{ClosedSurface, SurfaceError};
+use super::error::TetMeshError;
 use super::shapes::grid;
-use super::tet_mesh::{TetMesh, TetMeshError};
+use super::tet_mesh::TetMesh;
 use crate::mesh::DisjointSets;
 use thiserror::Error;
 

@@ -2,7 +2,6 @@
 
 use super::super::fem::eigen::{EigenError, Request};
 use super::super::fem::elements::{Isotropic, Order};
-use super::super::mesh::quality::quality;
 use super::super::mesh::tet_mesh::TetMesh;
 use super::modal_model::ModalModel;
 use crate::core::fault::{Fault, Reject};
@@ -135,7 +134,7 @@ impl Func for ModalAnalysis {
         let TetMesh { nodes, tets, curves } = io.mesh;
         let mesh = TetMesh::with_curves(nodes.clone(), tets.clone(), curves.clone());
         let mesh = mesh.map_err(|e| fault(&e.into()))?;
-        let parts = quality(&mesh).components;
+        let parts = mesh.quality().components;
         if parts > 1 && !p.parts {
             let message = format!("the mesh consists of {parts} separate parts");
             return Err(Fault::new("F070", message).at("mesh").help("set `parts: true` if it should"));

@@ -3,14 +3,15 @@
 use super::super::fem::assembly::Discretisation;
 use super::super::fem::eigen::{EigenError, Request, eigenmodes};
 use super::super::fem::elements::{Isotropic, Order};
-use super::super::mesh::tet_mesh::{TetMesh, signed_volume};
+use super::super::mesh::element::signed_volume;
+use super::super::mesh::tet_mesh::TetMesh;
 use super::surface::{Flow, Surface};
 use crate::contact::vector::sub;
 use crate::core::computation::Monitor;
 use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
-use crate::modal::surface::mode_shapes::SurfaceView;
+use crate::modal::surface::surface_view::SurfaceView;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 

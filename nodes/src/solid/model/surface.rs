@@ -2,7 +2,8 @@
 
 use super::super::fem::assembly::Discretisation;
 use super::super::fem::elements::Order;
-use super::super::mesh::tet_mesh::{TetMesh, TetMeshError};
+use super::super::mesh::error::TetMeshError;
+use super::super::mesh::tet_mesh::TetMesh;
 use crate::contact::vector::{cross, norm, sub};
 use faer::Mat;
 use rayon::prelude::*;

@@ -1,8 +1,8 @@
 //! Iterative deepening: windows are left out by distances of piecewise means.
 
 use super::dtw::squared_distance;
-use super::pattern::{Grid, Scratch};
-use super::query::Query;
+use super::pattern::{Grid, Pattern, Scratch};
+use super::windows::Windows;
 use crate::core::random::Rng;
 use crate::material::statistics::normal::normal_quantile;
 
@@ -55,8 +55,7 @@ impl Deepening {
     ///
     /// # Complexity
     /// Some hundred comparisons.
-    pub fn learn(query: &Query<'_>, grids: &[Grid], tolerance: f64) -> Self {
-        let pattern = &query.pattern;
+    pub fn learn(pattern: &Pattern, motion: &Windows<'_>, grids: &[Grid], tolerance: f64) -> Self {
         let counts =
             std::iter::successors(Some(COARSEST), |m| Some(2 * m)).take_while(|m| *m < pattern.frames);
         let levels = counts.map(|count| {
@@ -70,9 +69,9 @@ impl Deepening {
         let mut errors = vec![Vec::new(); own.levels.len()];
         for _ in 0..TRAINING {
             let grid = &grids[rng.below(grids.len())];
-            let start = rng.below(query.starts(grid));
-            if query.normalise(grid, start, &mut scratch) {
-                let exact = pattern.distance(grid, query.window(grid, start), &mut scratch, f64::INFINITY);
+            let start = rng.below(motion.starts(grid));
+            if motion.normalise(grid, start, &mut scratch) {
+                let exact = pattern.distance(grid, motion.window(grid, start), &mut scratch, f64::INFINITY);
                 let exact = exact.map_or(f64::INFINITY, f64::sqrt);
                 for (level, errors) in own.levels.iter().zip(&mut errors) {
                     let estimate = own.estimate(level, &mut scratch, f64::INFINITY);

@@ -20,6 +20,7 @@ pub mod segmentation;
 mod som;
 pub mod sound_spot;
 pub mod spotting;
+pub mod windows;
 
 pub use dtw::{distance, envelope};
 pub use fragments::{FragmentRules, candidates};

@@ -4,6 +4,7 @@ use super::deepening::Deepening;
 use super::dtw::envelope;
 use super::matches::MotionMatch;
 use super::pattern::{COARSE, Grid, Normalisation, Pattern, QueryError, QueryRules, Scratch, normaliser};
+use super::windows::Windows;
 use crate::soundtrack::motion::MotionCurve;
 
 /// Windows with neighbouring starts that are bounded at once.
@@ -14,10 +15,8 @@ pub struct Query<'a> {
     curve: &'a MotionCurve,
     /// The query itself.
     pub pattern: Pattern,
-    /// Sums of values and of squares before each frame, by channel.
-    sums: Vec<[f64; 2]>,
-    /// Frames in gaps before each frame.
-    gaps: Vec<u32>,
+    /// The windows of the motion.
+    pub windows: Windows<'a>,
     /// Extremes of the motion from each frame to [`BLOCK`] frames later, by channel.
     extremes: Vec<[f32; 2]>,
     /// Leaves out windows, with a tolerance.
@@ -52,24 +51,12 @@ impl<'a> Query<'a> {
             return Err(QueryError::Rates { query: source.rate, motion: curve.rate });
         }
         let pattern = Pattern::new(source, interval, rules)?;
-        let mut sums = vec![[0.0; 2]; channels];
-        for (k, x) in curve.values.iter().enumerate() {
-            let [sum, squares] = sums[k];
-            sums.push([sum + f64::from(*x), squares + f64::from(*x).powi(2)]);
-        }
-        let mut gaps = vec![0; curve.frames() + 1];
-        for (from, to) in &curve.gaps {
-            gaps.get_mut(from + 1..=*to).into_iter().for_each(|gap| gap.fill(1));
-        }
-        let mut total = 0;
-        gaps.iter_mut().for_each(|g| {
-            total += *g;
-            *g = total;
-        });
-        let mut query = Self { curve, pattern, sums, gaps, extremes: ahead(curve), deepening: None };
+        let windows = Windows::new(curve, rules.normalisation);
+        let mut query = Self { curve, pattern, windows, extremes: ahead(curve), deepening: None };
         let grids = query.grids();
         let tolerance = rules.tolerance.filter(|_| !grids.is_empty());
-        query.deepening = tolerance.map(|tolerance| Deepening::learn(&query, &grids, tolerance));
+        query.deepening =
+            tolerance.map(|tolerance| Deepening::learn(&query.pattern, &query.windows, &grids, tolerance));
         Ok(query)
     }
 
@@ -77,27 +64,6 @@ impl<'a> Query<'a> {
     pub fn grids(&self) -> Vec<Grid> {
         let lengths = self.pattern.lengths(self.curve.frames());
         lengths.into_iter().map(|len| Grid::new(len, self.pattern.frames)).collect()
-    }
-
-    /// The number of windows of a length.
-    pub fn starts(&self, grid: &Grid) -> usize {
-        self.curve.frames() + 1 - grid.len
-    }
-
-    /// The frames of a window.
-    pub fn window(&self, grid: &Grid, start: usize) -> &[f32] {
-        &self.curve.values[start * self.curve.channels..(start + grid.len) * self.curve.channels]
-    }
-
-    /// Finds the normalisation of each channel of a window; returns false if the window has a gap.
-    pub fn normalise(&self, grid: &Grid, start: usize, scratch: &mut Scratch) -> bool {
-        let channels = self.curve.channels;
-        scratch.normal.clear();
-        scratch.normal.extend((0..channels).map(|c| {
-            let (a, b) = (self.sums[start * channels + c], self.sums[(start + grid.len) * channels + c]);
-            normaliser(self.pattern.rules.normalisation, [b[0] - a[0], b[1] - a[1]], grid.len as f64)
-        }));
-        self.gaps[start + grid.len] == self.gaps[start]
     }
 
     /// The squared distance of the window that [`full_bound`](Pattern::full_bound) has written, if it does not exceed `most` and is not left out by
@@ -126,8 +92,8 @@ impl<'a> Query<'a> {
             Normalisation::ZScore => None,
             Normalisation::Offset => {
                 let mean = |k: usize| {
-                    let (a, b) = (self.sums[k * channels + c], self.sums[(k + grid.len) * channels + c]);
-                    normaliser(Normalisation::Offset, [b[0] - a[0], 0.0], grid.len as f64).0
+                    let [sum, _] = self.windows.sums(grid, k, c);
+                    normaliser(Normalisation::Offset, [sum, 0.0], grid.len as f64).0
                 };
                 let all = (start..start + count).map(mean);
                 Some(all.fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], m| [a.min(m), b.max(m)]))

@@ -23,7 +23,7 @@ fn windows<T: Send>(
 ) -> Result<Vec<T>, QueryError> {
     let mut tasks = Vec::new();
     for (g, grid) in grids.iter().enumerate() {
-        let starts = query.starts(grid);
+        let starts = query.windows.starts(grid);
         tasks.extend((0..starts).step_by(TASK).map(|from| (g, from, (from + TASK).min(starts))));
     }
     let (done, is_stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
@@ -93,10 +93,11 @@ pub fn best_matches(
     let count = rules.count.unwrap_or(usize::MAX);
     let coarse = |g: usize, start: usize, scratch: &mut Scratch| {
         let grid = &grids[g];
-        if !query.normalise(grid, start, scratch) {
+        if !query.windows.normalise(grid, start, scratch) {
             return None;
         }
-        let bound = query.pattern.bound(grid, query.window(grid, start), &scratch.normal, COARSE, most);
+        let bound =
+            query.pattern.bound(grid, query.windows.window(grid, start), &scratch.normal, COARSE, most);
         (bound <= most).then(|| {
             let (start, len, grid) = (start as u32, grid.len as u32, g as u32);
             Reverse(Ranked { bound: bound.to_bits(), step: Step::Coarse, start, len, grid })
@@ -119,15 +120,15 @@ pub fn best_matches(
                 continue;
             }
             Step::Coarse => {
-                query.normalise(grid, at, &mut scratch);
+                query.windows.normalise(grid, at, &mut scratch);
                 query
                     .pattern
-                    .full_bound(grid, query.window(grid, at), &mut scratch, most)
+                    .full_bound(grid, query.windows.window(grid, at), &mut scratch, most)
                     .map(|bound| (bound, Step::Full))
             }
             Step::Full => {
-                query.normalise(grid, at, &mut scratch);
-                query.pattern.write(grid, query.window(grid, at), &mut scratch);
+                query.windows.normalise(grid, at, &mut scratch);
+                query.pattern.write(grid, query.windows.window(grid, at), &mut scratch);
                 query.distance(&mut scratch, most).map(|squared| (squared, Step::Exact))
             }
         };
@@ -155,22 +156,22 @@ fn best_match(
     let least = AtomicU64::new(query.pattern.most.to_bits());
     let most = || f64::from_bits(least.load(Ordering::Relaxed));
     let compare = |g: usize, start: usize, scratch: &mut Scratch| {
-        let (grid, window) = (&grids[g], query.window(&grids[g], start));
+        let (grid, window) = (&grids[g], query.windows.window(&grids[g], start));
         query.pattern.full_bound(grid, window, scratch, most())?;
         let squared = query.distance(scratch, most())?;
         least.fetch_min(squared.to_bits(), Ordering::Relaxed);
         Some((squared.to_bits(), start, grids[g].len, g))
     };
     let mut scratch = Scratch::default();
-    let all: usize = grids.iter().map(|grid| query.starts(grid)).sum();
+    let all: usize = grids.iter().map(|grid| query.windows.starts(grid)).sum();
     let stride = all.div_ceil(FIRST.0 * FIRST.1).max(1);
     let mut first = Vec::new();
     for (g, grid) in grids.iter().enumerate() {
-        for start in (0..query.starts(grid)).step_by(stride) {
-            if query.normalise(grid, start, &mut scratch) {
+        for start in (0..query.windows.starts(grid)).step_by(stride) {
+            if query.windows.normalise(grid, start, &mut scratch) {
                 let bound = query.pattern.bound(
                     grid,
-                    query.window(grid, start),
+                    query.windows.window(grid, start),
                     &scratch.normal,
                     COARSE,
                     query.pattern.most,
@@ -181,11 +182,11 @@ fn best_match(
     }
     first.sort_unstable();
     for (_, g, start) in first.into_iter().take(FIRST.0) {
-        query.normalise(&grids[g], start, &mut scratch);
+        query.windows.normalise(&grids[g], start, &mut scratch);
         compare(g, start, &mut scratch);
     }
     let found = windows(query, grids, monitor, most, |g, start, scratch| {
-        if query.normalise(&grids[g], start, scratch) { compare(g, start, scratch) } else { None }
+        if query.windows.normalise(&grids[g], start, scratch) { compare(g, start, scratch) } else { None }
     })?;
     let best = found.into_iter().min();
     Ok(best.map(|(squared, start, _, g)| query.found(&grids[g], start, f64::from_bits(squared))))
@@ -222,10 +223,10 @@ pub fn find_matches(
         || query.pattern.most,
         |g, start, scratch| {
             let grid = &grids[g];
-            if !query.normalise(grid, start, scratch) {
+            if !query.windows.normalise(grid, start, scratch) {
                 return None;
             }
-            query.pattern.full_bound(grid, query.window(grid, start), scratch, query.pattern.most)?;
+            query.pattern.full_bound(grid, query.windows.window(grid, start), scratch, query.pattern.most)?;
             let squared = query.distance(scratch, query.pattern.most)?;
             Some(query.found(grid, start, squared))
         },

@@ -1,8 +1,9 @@
 //! Hard constraints that cannot hold together.
 
-use super::constraints::{Directive, NEVER, SourceSet};
+use super::directive::{Directive, NEVER};
 use super::model::SoundScore;
 use super::node_set::NodeSet;
+use super::source_set::SourceSet;
 use crate::artefact::text::{Location, TextError};
 use crate::soundtrack::wavelet::WaveletTree;
 use std::collections::HashSet;

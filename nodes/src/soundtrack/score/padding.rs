@@ -1,6 +1,6 @@
 //! Soft ramps beside hard constraints.
 
-use super::constraints::{Directive, SOFT};
+use super::directive::{Directive, SOFT};
 
 /// Steps of a ramp.
 const RAMP_STEPS: usize = 8;

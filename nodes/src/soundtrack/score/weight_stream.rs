@@ -1,6 +1,7 @@
 //! Weights of sounds as streams.
 
-use super::constraints::{Constraint, Overlap, SOFT};
+use super::constraints::{Constraint, Overlap};
+use super::directive::SOFT;
 
 /// Weights of the sounds of a score that come as a stream: item `k` holds from `k / rate` to `(k + 1) / rate`.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,7 @@
 //! The constraints of one node of an output.
 
 use super::rules::SynthesisRules;
-use crate::soundtrack::score::constraints::SOFT;
+use crate::soundtrack::score::SOFT;
 use crate::soundtrack::score::{Constraint, Constraints, Overlap, WeightStream};
 use crate::soundtrack::wavelet::TextureModel;
 

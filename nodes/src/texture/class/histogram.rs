@@ -8,6 +8,7 @@
 //! Picard, Tsingos and Faure (VRIPHYS 2008), section 4.1 and figure 2, who write "narrow-band" and "broad-band" and state no
 //! measure. Entropy, the stretched range and the threshold are choices of foley.
 
+pub use super::stretch::BINS;
 use super::stretch::stretched;
 use crate::core::item::Data;
 use crate::core::random::Rng;
@@ -15,9 +16,6 @@ use crate::plot::escaped;
 use crate::texture::maps::Luma;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
-
-/// Number of bins of the histogram.
-pub const BINS: usize = 256;
 
 /// Class of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,8 +4,10 @@
 //! of a code are therefore spread evenly over the interval of luminance that the code stands for, if it is one of a gradation: a run of at
 //! least [`RUN`] tones at about equal distances, at most [`GAP`] of the range. Other tones remain tones.
 
-use super::histogram::BINS;
 use crate::texture::maps::Luma;
+
+/// Number of bins of the histogram.
+pub const BINS: usize = 256;
 
 /// Steps of luminance from black to white: several for each code of 8 bits.
 const STEPS: usize = 1 << 16;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::grain::dictionary::{ExtractRules, extract};
+use crate::grain::dictionary::{ExtractRules, GrainDictionary, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part, SourceKind};
 
 const RATE: f64 = 44_100.0;

@@ -1,3 +1,4 @@
+use super::super::exponentials::add;
 use super::*;
 use crate::core::random::Rng;
 use crate::material::statistics::normal::normal_quantile;

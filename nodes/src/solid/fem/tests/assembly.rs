@@ -134,7 +134,7 @@ fn curves_on_straight_edges_give_the_same_matrices() {
     let mut mesh = uneven();
     let (_, _, straight) = of_mesh(mesh.clone(), Order::Quadratic);
     let edges: std::collections::BTreeSet<[u32; 2]> =
-        mesh.tets.iter().flat_map(crate::solid::mesh::tet_mesh::edges).collect();
+        mesh.tets.iter().flat_map(crate::solid::mesh::element::edges).collect();
     mesh.curves = edges.into_iter().map(|ends| (ends, mesh.middle(ends))).collect();
     let (_, space, curved) = of_mesh(mesh, Order::Quadratic);
     assert!(space.curved.iter().all(|c| *c));

@@ -1,6 +1,6 @@
 //! Gmsh `.msh`: version 2.2 as ASCII, version 4.1 as ASCII or binary.
 
-use super::super::tet_mesh::TetMeshError;
+use super::super::error::TetMeshError;
 use super::raw::{MiddleOrder, Raw};
 use super::source::{Endian, Source, shown};
 

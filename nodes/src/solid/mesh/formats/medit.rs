@@ -1,6 +1,6 @@
 //! Medit `.mesh`, ASCII.
 
-use super::super::tet_mesh::TetMeshError;
+use super::super::error::TetMeshError;
 use super::raw::{MiddleOrder, Raw};
 use super::source::{Source, shown};
 

@@ -7,15 +7,14 @@ mod source;
 mod tetgen;
 mod vtu;
 
-use super::tet_mesh::{TetMesh, TetMeshError, edges};
+use super::element::edges;
+use super::error::TetMeshError;
+use super::tet_mesh::TetMesh;
 use source::Source;
 use std::collections::HashMap;
 
 #[cfg(test)]
 mod tests;
-
-/// Formats that are read, for messages.
-pub const FORMATS: &str = "Gmsh .msh 2.2 (ASCII) and 4.1 (ASCII, binary), Medit .mesh, TetGen .ele with .node, and VTK .vtu (ASCII, inline base64)";
 
 /// Reads a tetrahedral mesh; the `nodes` are the `.node` file of a TetGen `.ele`.
 ///

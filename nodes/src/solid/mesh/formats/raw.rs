@@ -1,6 +1,8 @@
 //! What a reader collects: nodes with their numbers in the file, and elements over them.
 
-use super::super::tet_mesh::{TetMesh, TetMeshError, edges};
+use super::super::element::edges;
+use super::super::error::TetMeshError;
+use super::super::tet_mesh::TetMesh;
 use crate::contact::vector::{add, norm, scale, sub};
 use std::collections::HashMap;
 

@@ -1,6 +1,6 @@
 //! The words of a text file, or the numbers of a binary section, with their positions.
 
-use super::super::tet_mesh::TetMeshError;
+use super::super::error::TetMeshError;
 
 /// Order of the bytes of a binary section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! TetGen: nodes in a `.node` file, elements in an `.ele` file.
 
-use super::super::tet_mesh::TetMeshError;
+use super::super::error::TetMeshError;
 use super::raw::Raw;
 use super::source::{Source, shown};
 

@@ -1,6 +1,6 @@
 //! VTK XML unstructured grid, `.vtu`, with arrays as ASCII or as inline base64.
 
-use super::super::tet_mesh::TetMeshError;
+use super::super::error::TetMeshError;
 use super::raw::{MiddleOrder, Raw};
 use super::source::shown;
 use base64::Engine as _;

@@ -1,6 +1,7 @@
 use super::super::quality::{components, shape};
 use super::super::shapes::{ball, block};
 use super::*;
+use crate::contact::vector::{cross, dot};
 
 fn unit() -> Vec<[f64; 3]> {
     vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
@@ -41,11 +42,11 @@ fn parts_that_touch_at_an_edge_are_a_hinge() {
     let mut nodes = unit();
     nodes.extend([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]);
     let mesh = TetMesh::new(nodes, vec![[0, 1, 2, 3], [0, 4, 5, 3]]).unwrap();
-    assert_eq!(components(&mesh).unwrap_err(), TetMeshError::Hinge { parts: 2 });
+    assert_eq!(components(mesh.nodes.len(), &mesh.tets).unwrap_err(), TetMeshError::Hinge { parts: 2 });
     let mut nodes = unit();
     nodes.extend(unit().iter().map(|p| p.map(|x| x + 5.0)));
     let mesh = TetMesh::new(nodes, vec![[0, 1, 2, 3], [4, 5, 6, 7]]).unwrap();
-    assert_eq!(components(&mesh).unwrap(), (vec![0, 0, 0, 0, 1, 1, 1, 1], 2));
+    assert_eq!(components(mesh.nodes.len(), &mesh.tets).unwrap(), (vec![0, 0, 0, 0, 1, 1, 1, 1], 2));
 }
 
 #[test]

@@ -1,4 +1,5 @@
 use super::*;
+use crate::soundtrack::score::NodeSet;
 use crate::soundtrack::score::{WeightStream, read_score};
 use crate::soundtrack::wavelet::{TreeFit, TreeRecording, TreeRules};
 
