@@ -2,3 +2,7 @@
 
 pub mod stage;
 pub mod standalone;
+mod standalone_run;
+mod survey;
+mod wiring;
+mod written;

@@ -1,8 +1,10 @@
 //! Runs wired nodes in order, window by window: the one engine under the offline run, the live run and single nodes.
 
+pub use super::survey::Survey;
 pub use crate::core::ports::{BufferCell, Clock, Cx, InWire, OutWire, Span, Window, max_items};
 
-use crate::core::buffer::{AnyBuffer, BoxedBuffer, StreamBuffer};
+use super::written::{largest, newly_active, silence_not_finite};
+use crate::core::buffer::{AnyBuffer, BoxedBuffer};
 use crate::core::fault::Fault;
 use crate::core::item::AnyValue;
 use crate::core::node::DynNode;
@@ -34,56 +36,6 @@ pub struct NodeTime {
     pub time: Duration,
     /// Calls of `run`.
     pub calls: u64,
-}
-
-/// What the nodes of a stage have done, taken by [`Stage::survey`].
-#[derive(Clone, Debug, Default)]
-pub struct Survey {
-    /// `None` for a survey of levels.
-    active: Option<Vec<u64>>,
-    silence: Vec<Option<Silence>>,
-    /// `None` for a survey of activity.
-    peaks: Option<Vec<f32>>,
-}
-
-impl Survey {
-    /// A survey of a stage with this number of nodes, from which on their activity is recorded, or not (`false`).
-    #[must_use]
-    pub fn new(nodes: usize, record: bool) -> Self {
-        let active = vec![0; if record { nodes } else { 0 }];
-        Self { active: Some(active), silence: vec![None; nodes], peaks: None }
-    }
-
-    /// A survey of the levels of a stage with this number of nodes, from which on they are recorded, or not (`false`).
-    #[must_use]
-    pub fn of_levels(nodes: usize, record: bool) -> Self {
-        let peaks = vec![0.0; if record { nodes } else { 0 }];
-        Self { peaks: Some(peaks), ..Self::default() }
-    }
-
-    /// True for a survey of levels.
-    #[must_use]
-    pub fn is_of_levels(&self) -> bool {
-        self.peaks.is_some()
-    }
-
-    /// The largest magnitude in the streams of numbers of a node since the last survey of levels, if it has recorded.
-    #[must_use]
-    pub fn peak(&self, node: usize) -> Option<f32> {
-        self.peaks.as_ref()?.get(node).copied()
-    }
-
-    /// As [`Stage::activity`], since the last survey, if it has recorded.
-    #[must_use]
-    pub fn activity(&self, node: usize) -> Option<u64> {
-        self.active.as_ref()?.get(node).copied()
-    }
-
-    /// Why a node has given nothing so far.
-    #[must_use]
-    pub fn silence(&self, node: usize) -> Option<Silence> {
-        *self.silence.get(node)?
-    }
 }
 
 /// A fault, and the index in the stage of the node that raised it.
@@ -424,65 +376,6 @@ fn outgrown(nodes: &[StageNode], buffer: usize, bytes: usize) -> StageFault {
         place.unwrap_or(0),
         Fault::new("F050", message).help("allow more with --memory, or use a shorter --window"),
     )
-}
-
-/// Silences the streams of numbers that a node has written in this window if any is not finite; returns true then.
-fn silence_not_finite(cx: &Cx<'_>) -> bool {
-    let mut found = false;
-    for wire in cx.outputs {
-        let OutWire::Stream { buffer, clock, .. } = wire else { continue };
-        let span = cx.span(*clock);
-        let mut buffer = cx.shared.buffers[*buffer].borrow_mut();
-        let Some(samples) = buffer.typed_mut::<StreamBuffer<f32>>() else { continue };
-        let written = samples.last_mut((span.to - span.from).max(0) as usize);
-        if largest_bits(written, 0) >= f32::INFINITY.to_bits() {
-            written.fill(0.0);
-            found = true;
-        }
-    }
-    found
-}
-
-/// The largest magnitude in the streams of numbers of a node in this window, or `least` if that is larger.
-fn largest(cx: &Cx<'_>, least: f32) -> f32 {
-    let mut bits = least.to_bits();
-    for wire in cx.outputs {
-        let OutWire::Stream { buffer, clock, .. } = wire else { continue };
-        let span = cx.span(*clock);
-        let mut buffer = cx.shared.buffers[*buffer].borrow_mut();
-        let Some(samples) = buffer.typed_mut::<StreamBuffer<f32>>() else { continue };
-        bits = largest_bits(samples.last_mut((span.to - span.from).max(0) as usize), bits);
-    }
-    f32::from_bits(bits)
-}
-
-/// The bits of the largest magnitude, or `least` if that is larger. The bits of magnitudes are in the order of the magnitudes, and this loop
-/// needs no branch.
-fn largest_bits(samples: &[f32], least: u32) -> u32 {
-    samples.iter().fold(least, |largest, x| (x.to_bits() & 0x7fff_ffff).max(largest))
-}
-
-/// The outputs of a node that carry something in this window, of those that have not yet.
-fn newly_active(cx: &Cx<'_>, active: u64) -> u64 {
-    let mut found = 0;
-    for (port, wire) in cx.outputs.iter().enumerate().take(64) {
-        let bit = 1 << port;
-        let carries = match wire {
-            _ if active & bit != 0 => continue,
-            OutWire::Value(_) => true,
-            OutWire::Stream { buffer, clock, .. } | OutWire::Events { buffer, clock } => {
-                let span = cx.span(*clock);
-                let mut buffer = cx.shared.buffers[*buffer].borrow_mut();
-                let samples = buffer.typed_mut::<StreamBuffer<f32>>();
-                match samples.map(|all| all.last_mut((span.to - span.from).max(0) as usize)) {
-                    Some(written) => written.iter().any(|x| *x != 0.0),
-                    None => buffer.any().has_events(span.from, span.to).unwrap_or(span.to > span.from),
-                }
-            }
-        };
-        found |= if carries { bit } else { 0 };
-    }
-    found
 }
 
 /// Pads the output of a node, and copies it to buffers with another pad rule.
