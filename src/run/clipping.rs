@@ -1,6 +1,6 @@
 //! How to lower a sound that exceeds full scale.
 
-use super::report::NodeReport;
+use super::node_report::NodeReport;
 use crate::graph::Graph;
 use foley_nodes::core::params::Datum;
 use foley_nodes::core::ports::PortKind;

@@ -13,8 +13,11 @@ mod engine;
 mod envelope;
 mod job;
 mod memory_tap;
+mod node_report;
 mod observer;
 mod output_files;
+mod partial_phase;
+mod phase_layout;
 mod report;
 mod silence;
 mod stages;
@@ -31,9 +34,10 @@ pub use columns::Columns;
 pub use envelope::{Envelope, SILENCE_DB};
 pub use job::{Job, Progress};
 pub use memory_tap::{EventTap, MemoryTap, StreamData, StreamTap, ValueTap};
+pub use node_report::NodeReport;
 pub use observer::{Observer, ObserverTap};
 pub use output_files::DirOutputs;
-pub use report::{NodeReport, OutputReport, Report};
+pub use report::{OutputReport, Report};
 pub use silence::{Period, explain as explain_silence, reads_messages};
 pub use stages::{BuildSite, assemble, stage};
 pub use stream_chart::StreamChart;
@@ -43,8 +47,8 @@ pub use trace::{Extent, Loss, OutputLevel, PortLevel, SilenceTrace, Step, Trace,
 
 use crate::diag::Diagnostic;
 use crate::memo::{Memo, RunCache};
-use cached_phase::Skipped;
 use cached_streams::CachedStreams;
+use partial_phase::Skipped;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 

@@ -1,6 +1,7 @@
 //! The report of a run.
 
 use super::Job;
+use super::node_report::NodeReport;
 use super::trace::SilenceTrace;
 use crate::graph::Graph;
 use crate::plan::Plan;
@@ -9,29 +10,6 @@ use foley_nodes::core::time::seconds;
 use serde_json::{Map, Value, json};
 use std::collections::HashSet;
 use std::time::Duration;
-
-/// The report of one node.
-#[derive(Clone, Debug, Default)]
-pub struct NodeReport {
-    /// Its id.
-    pub id: String,
-    /// Its type.
-    pub kind: &'static str,
-    /// True for a node that only writes files.
-    pub sink: bool,
-    /// Wall time in it.
-    pub time: Duration,
-    /// Windows that it ran.
-    pub calls: u64,
-    /// Items of its first output, or of its first input where it has none.
-    pub items: u64,
-    /// True if its outputs came from the cache.
-    pub cached: bool,
-    /// Its own summary.
-    pub summary: Map<String, Value>,
-    /// A bit for each of its first 64 outputs that has carried anything; None if it did not run.
-    pub activity: Option<u64>,
-}
 
 /// One file that was written.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! Explains why an output, or a part of a mix, is silent.
 
-use super::report::NodeReport;
+use super::node_report::NodeReport;
 use crate::graph::{Graph, Link};
 use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use serde_json::Value;

@@ -3,8 +3,8 @@
 mod text;
 
 use super::envelope::Envelope;
+use super::node_report::NodeReport;
 use super::observer::{Observer, ObserverTap};
-use super::report::NodeReport;
 use super::silence::{self, Output, Period, flows, is_mix};
 use super::tap::{Tap, TapTarget};
 use crate::graph::{Graph, Link, written};
