@@ -3,9 +3,10 @@
 use super::checked_node::{CheckedNode, RawLink};
 use super::fixes::{self, placeholder};
 use super::links::{feeders, link, links_of};
-use super::loader::{Loaded, Loader, RawNode};
+use super::loader::{Loaded, Loader};
 use super::order::{order, unused};
 use super::outputs;
+use super::raw_node::RawNode;
 use super::root::join;
 use super::sound;
 use super::suggest::{help, nearest};

@@ -3,7 +3,8 @@
 use super::Link;
 use super::checked_node::{CheckedNode, RawLink};
 use super::fixes::{self, Converter};
-use super::loader::{Loader, RawNode};
+use super::loader::Loader;
+use super::raw_node::RawNode;
 use super::suggest::help;
 use super::values::Given;
 use crate::diag::{Diagnostic, Fix, SourceLocation};

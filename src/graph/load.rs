@@ -1,7 +1,9 @@
 //! Loads a graph: reads its files, then checks everything that was read.
 
 use super::check;
-use super::loader::{LoadOptions, Loaded, Loader, read_text};
+use super::load_options::LoadOptions;
+use super::loader::{Loaded, Loader};
+use super::texts::read_text;
 use crate::diag::Diagnostic;
 use std::path::Path;
 

@@ -2,141 +2,23 @@
 
 use super::Graph;
 use super::fixes;
-use super::root::{Limits, Root, join};
+use super::limits::Limits;
+use super::load_options::LoadOptions;
+use super::raw_node::RawNode;
+use super::root::{Root, join};
 use super::suggest::help;
-use super::values::{Given, Origin, Override, Scope};
+use super::texts::Texts;
+use super::values::{Given, Scope};
 use crate::diag::{Diagnostic, Fix, SourceLocation, Sources};
 use crate::lang::edit::quote;
-use crate::lang::{self, Value, ValueKind};
-use foley_nodes::core::files::FileError;
+use crate::lang::{self, Value};
 use foley_nodes::registry::Registry;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// The schema that graph files of this version declare.
 pub const SCHEMA: &str = "foley:graph/1";
-
-/// A node as written in the text.
-#[derive(Debug)]
-pub struct RawNode {
-    /// Its full id.
-    pub id: String,
-    /// Name of its type.
-    pub type_name: String,
-    /// Location of the type's name.
-    pub type_location: SourceLocation,
-    /// Location of its id.
-    pub location: SourceLocation,
-    /// End of its text in that file.
-    pub end: usize,
-    /// Its fields in order: name, place of the name, value.
-    pub fields: Vec<(String, SourceLocation, Given)>,
-    /// True if its text is complete enough to check.
-    pub whole: bool,
-    /// True for `None`, which removes the node of a graph that is extended.
-    pub removes: bool,
-}
-
-/// Texts of graph files as they were first read: loads that share them do not read the files again, so that a half-done edit
-/// on the disk stays where it is.
-#[derive(Debug, Default)]
-pub struct Texts(Mutex<BTreeMap<PathBuf, (PathBuf, String)>>);
-
-impl Texts {
-    /// Sets the text of a file that is not to be read from the disk, such as one with unsaved changes in an editor.
-    ///
-    /// `path` is the path as graphs resolve it: that of the graph, or the folder of the graph joined with what it names.
-    pub fn set(&self, path: &Path, text: impl Into<String>) {
-        let real = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let mut texts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        texts.insert(path.to_owned(), (real, text.into()));
-    }
-
-    /// The real path and the text of a file that was read before.
-    pub(super) fn get(&self, path: &Path) -> Option<(PathBuf, String)> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(path).cloned()
-    }
-
-    /// Caches the text of a file.
-    pub(super) fn insert(&self, path: &Path, real: &Path, text: &str) {
-        let mut texts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        texts.entry(path.to_owned()).or_insert_with(|| (real.to_owned(), text.to_owned()));
-    }
-}
-
-/// Settings for loading a graph.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct LoadOptions {
-    /// The node types that it can use.
-    pub registry: Arc<Registry>,
-    /// Values for its parameters and nodes; later ones win.
-    pub overrides: Vec<Override>,
-    /// Folder to which paths in `overrides` are relative; empty for the working folder.
-    pub override_folder: PathBuf,
-    /// Values that arrived in messages; they win over `overrides`, and name only files below the graph's own folder.
-    pub messages: Vec<Override>,
-    /// Folders outside its own that it may read.
-    pub allow_read: Vec<PathBuf>,
-    /// Limits on its files and its size.
-    pub limits: Limits,
-    /// Texts of its files from an earlier load.
-    pub texts: Option<Arc<Texts>>,
-}
-
-impl Default for LoadOptions {
-    /// The node types of `foley-nodes`, no overrides, the graph's own folder, the default limits.
-    fn default() -> Self {
-        static STANDARD: LazyLock<Arc<Registry>> = LazyLock::new(|| Arc::new(Registry::standard()));
-        Self {
-            registry: Arc::clone(&STANDARD),
-            overrides: Vec::new(),
-            override_folder: PathBuf::new(),
-            messages: Vec::new(),
-            allow_read: Vec::new(),
-            limits: Limits::default(),
-            texts: None,
-        }
-    }
-}
-
-impl LoadOptions {
-    /// Sets the node types.
-    #[must_use]
-    pub fn registry(mut self, registry: Arc<Registry>) -> Self {
-        self.registry = registry;
-        self
-    }
-
-    /// Adds overrides.
-    #[must_use]
-    pub fn overrides(mut self, overrides: impl IntoIterator<Item = Override>) -> Self {
-        self.overrides.extend(overrides);
-        self
-    }
-
-    /// Adds values that arrived in messages.
-    #[must_use]
-    pub fn messages(mut self, messages: impl IntoIterator<Item = Override>) -> Self {
-        self.messages.extend(messages);
-        self
-    }
-
-    /// Adds a folder that may be read.
-    #[must_use]
-    pub fn allow_read(mut self, folder: impl Into<PathBuf>) -> Self {
-        self.allow_read.push(folder.into());
-        self
-    }
-
-    /// Sets the limits.
-    #[must_use]
-    pub fn limits(mut self, limits: Limits) -> Self {
-        self.limits = limits;
-        self
-    }
-}
 
 /// Result of loading: the graph, if there was no error, and all diagnostics.
 #[derive(Debug)]
@@ -199,61 +81,6 @@ pub(super) struct Loader {
     pub arrays: BTreeMap<String, usize>,
     /// True if a limit was exceeded: it is reported once, and reading stops.
     pub full: bool,
-}
-
-/// The text of a graph file of at most `limit` bytes; `show` is its name for people.
-///
-/// # Errors
-/// When it is missing, no plain file, too large, or no UTF-8.
-pub fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileError> {
-    let error = |code, message: String| FileError { code, message };
-    let unreadable = |e: std::io::Error| {
-        let code = if e.kind() == std::io::ErrorKind::NotFound { "F060" } else { "F061" };
-        error(code, format!("cannot read {show}: {e}"))
-    };
-    let meta = std::fs::metadata(path).map_err(unreadable)?;
-    if !meta.is_file() {
-        return Err(error("F064", format!("{show} is not a plain file")));
-    }
-    if meta.len() > limit {
-        let message = format!("{show} has {} bytes, a graph file at most {limit}", meta.len());
-        return Err(error("F063", message));
-    }
-    let bytes = std::fs::read(path).map_err(unreadable)?;
-    String::from_utf8(bytes).map_err(|e| {
-        let message = format!("{show} is not UTF-8 from byte {} on", e.utf8_error().valid_up_to());
-        error("F061", message)
-    })
-}
-
-/// Returns true for a text that can be the id of a node: a letter or `_`, then letters, digits, `_` and `-`.
-#[must_use]
-pub fn valid_id(id: &str) -> bool {
-    let start = id.chars().next().is_some_and(|c| c.is_alphabetic() || c == '_');
-    start && id.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-')
-}
-
-impl RawNode {
-    /// Takes over what a file that extends this node's file says of it.
-    fn extend(&mut self, new: Self) {
-        if new.type_name != self.type_name {
-            *self = new;
-            return;
-        }
-        self.whole &= new.whole;
-        for field in new.fields {
-            match self.fields.iter_mut().find(|(name, _, _)| *name == field.0) {
-                Some(old) => *old = field,
-                None => self.fields.push(field),
-            }
-        }
-    }
-
-    /// Location of its type and fields.
-    pub fn body(&self) -> SourceLocation {
-        let SourceLocation { file, span } = self.type_location.clone();
-        SourceLocation { file, span: span.start..self.end }
-    }
 }
 
 impl Loader {
@@ -459,156 +286,5 @@ impl Loader {
         let found = Diagnostic::error("F007", format!("{id:?} cannot be an id"), location);
         self.found
             .push(found.help("an id starts with a letter and continues with letters, digits, `_` and `-`"));
-    }
-
-    fn node_list(&mut self, layers: &[Layer], scope: &Scope, sets: &[(String, Given)], uses: &[String]) {
-        let start = self.nodes.len();
-        for layer in layers {
-            let before = self.nodes.len();
-            if !self.layer_nodes(layer, scope, uses) {
-                return;
-            }
-            self.merge_nodes(start, before);
-        }
-        for (target, value) in sets {
-            let Some((id, param)) = target.split_once('.') else { continue };
-            if uses.iter().any(|u| u == id) {
-                continue;
-            }
-            match self.nodes[start..].iter_mut().find(|n| n.id == format!("{}{id}", scope.prefix)) {
-                Some(node) => {
-                    node.fields.retain(|(name, _, _)| name != param);
-                    node.fields.push((param.to_owned(), value.location.clone(), value.clone()));
-                }
-                None => {
-                    let names: Vec<String> = self.nodes[start..].iter().map(|n| n.id.clone()).collect();
-                    let found = Diagnostic::error(
-                        "F028",
-                        format!("this graph has no node `{id}`"),
-                        value.location.clone(),
-                    );
-                    self.found.push(found.help(help(id, "nodes", names.iter().map(String::as_str))));
-                }
-            }
-        }
-    }
-
-    /// Adds the nodes of one file; returns false where there are too many.
-    fn layer_nodes(&mut self, layer: &Layer, scope: &Scope, uses: &[String]) -> bool {
-        let mut first: BTreeMap<String, SourceLocation> = BTreeMap::new();
-        for entry in self.entries(layer.get("nodes"), layer.file, "nodes") {
-            let Some(id) = entry.key.as_str() else { continue };
-            let key = SourceLocation { file: layer.file, span: entry.key.span() };
-            // A node whose id is wrong is checked like any other.
-            if !valid_id(id) {
-                self.bad_id(id, key.clone());
-            } else if let Some(earlier) = first.get(id) {
-                let found = Diagnostic::error("F006", format!("the id `{id}` exists twice"), key.clone());
-                self.found.push(
-                    found
-                        .label(earlier.clone(), "first here")
-                        .help("ids are the identity of nodes: give one of them another name"),
-                );
-            } else if uses.iter().any(|u| u == id) {
-                self.error("F006", format!("`{id}` is the name of a sub-graph already"), key.clone());
-            }
-            first.entry(id.to_owned()).or_insert_with(|| key.clone());
-            if self.nodes.len() >= self.limits.nodes {
-                let found = Diagnostic::error("F009", format!("more than {} nodes", self.limits.nodes), key);
-                self.stop(found.help("--max-nodes allows more"));
-                return false;
-            }
-            self.node(id, key, &entry.value, layer, scope);
-        }
-        true
-    }
-
-    /// Merges the nodes from `new` on into those of the files that are extended, from `start` on: fields replace those of the
-    /// same node, another type replaces the node, and `None` removes it.
-    fn merge_nodes(&mut self, start: usize, new: usize) {
-        if start == new {
-            return;
-        }
-        let added = self.nodes.split_off(new);
-        let place: HashMap<String, usize> =
-            self.nodes[start..].iter().enumerate().map(|(k, n)| (n.id.clone(), start + k)).collect();
-        let mut removed = BTreeSet::new();
-        for node in added {
-            match place.get(&node.id) {
-                Some(&at) if node.removes => drop(removed.insert(at)),
-                Some(&at) => self.nodes[at].extend(node),
-                None => self.nodes.push(node),
-            }
-        }
-        let mut at = 0;
-        self.nodes.retain(|_| {
-            at += 1;
-            !removed.contains(&(at - 1))
-        });
-    }
-
-    fn node(&mut self, id: &str, location: SourceLocation, value: &Value, layer: &Layer, scope: &Scope) {
-        let file = layer.file;
-        let at = |span: std::ops::Range<usize>| SourceLocation { file, span };
-        let id = format!("{}{id}", scope.prefix);
-        let (name, fields) = match value.as_struct() {
-            Some((Some(name), fields)) => (name, fields),
-            _ => {
-                let removes = value.value == ValueKind::Option(None);
-                let is_known = || self.nodes.iter().any(|node| node.id == id && node.location.file != file);
-                if !(value.is_error() || removes && is_known()) {
-                    let message =
-                        format!("a node is NodeType(field: value, ...), found {}", value.describe());
-                    self.found.push(Diagnostic::error("F010", message, at(value.span())).node(&id));
-                }
-                self.nodes.push(RawNode {
-                    id,
-                    type_name: String::new(),
-                    type_location: at(value.span()),
-                    location,
-                    end: value.span().end,
-                    fields: Vec::new(),
-                    whole: false,
-                    removes,
-                });
-                return;
-            }
-        };
-        let mut whole = true;
-        let mut seen: BTreeMap<&str, SourceLocation> = BTreeMap::new();
-        let mut read = Vec::new();
-        for field in fields {
-            let field_name = field.name.value.as_str();
-            let key = at(field.name.span());
-            if let Some(first) = seen.get(field_name) {
-                let found =
-                    Diagnostic::error("F005", format!("`{field_name}` is given twice"), key).node(&id);
-                self.found.push(found.label(first.clone(), "first here"));
-                continue;
-            }
-            seen.insert(field_name, key.clone());
-            whole &= !field.value.is_error();
-            let given = Given {
-                value: field.value.clone(),
-                location: at(field.value.span()),
-                folder: layer.folder.clone(),
-                scope: scope.clone(),
-                origin: Origin::Text,
-            };
-            read.push((field_name.to_owned(), key, given));
-        }
-        let (type_name, type_location) = (name.value.clone(), at(name.span()));
-        let end = value.span().end;
-        let removes = false;
-        self.nodes.push(RawNode {
-            id,
-            type_name,
-            type_location,
-            location,
-            end,
-            fields: read,
-            whole,
-            removes,
-        });
     }
 }

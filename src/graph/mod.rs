@@ -2,30 +2,45 @@
 //!
 //! [`load`] reads a graph file and its sub-graphs; every error of all of them comes back in one pass.
 
+mod asked;
 mod check;
 mod checked_node;
+mod dir_files;
 mod fixes;
+mod limits;
 mod links;
+mod listing;
 mod load;
+mod load_options;
 mod loader;
+mod node_list;
 mod order;
 mod outputs;
 mod parameters;
 mod part;
+mod raw_node;
 mod root;
 mod sound;
 mod sub_graphs;
 mod suggest;
+mod texts;
 mod upgrade;
 mod values;
 
+pub use asked::{Asked, Stamp};
+pub use dir_files::DirFiles;
 pub use fixes::{free_id, placeholder, resample};
+pub use limits::Limits;
+pub use listing::{files_in, matching};
 pub use load::{load, load_text};
-pub use loader::{LoadOptions, Loaded, SCHEMA, Texts, read_text, valid_id};
+pub use load_options::LoadOptions;
+pub use loader::{Loaded, SCHEMA};
 pub use outputs::{output_path, written};
 pub use parameters::message_source;
-pub use root::{Asked, DirFiles, Limits, Root, Stamp, files_in, join, matching};
+pub use raw_node::valid_id;
+pub use root::{Root, join};
 pub use suggest::{help as suggestion, nearest};
+pub use texts::{Texts, read_text};
 pub use upgrade::{Upgraded, upgrade};
 pub use values::Override;
 

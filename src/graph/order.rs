@@ -2,7 +2,7 @@
 
 use super::Link;
 use super::checked_node::CheckedNode;
-use super::loader::RawNode;
+use super::raw_node::RawNode;
 use crate::diag::Diagnostic;
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::ports::PortKind;

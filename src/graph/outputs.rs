@@ -1,7 +1,7 @@
 //! Checks of the files that a graph writes: allowed folders, and no path twice.
 
 use super::checked_node::CheckedNode;
-use super::loader::RawNode;
+use super::raw_node::RawNode;
 use crate::diag::{Diagnostic, SourceLocation};
 use foley_nodes::core::files::FileError;
 use foley_nodes::core::node::NodeType;

@@ -1,7 +1,8 @@
 //! Parameters of a graph: overrides from the command line, and `"$name"` in texts.
 
 use super::fixes;
-use super::loader::{Layer, LoadOptions, Loader};
+use super::load_options::LoadOptions;
+use super::loader::{Layer, Loader};
 use super::suggest::help;
 use super::values::{Given, Origin, Override, Scope};
 use crate::diag::{Diagnostic, SourceLocation};

@@ -1,7 +1,7 @@
 //! The valid part of a graph: the nodes that can be shaped although others are wrong, so that their errors are
 //! reported in the same pass.
 
-use super::loader::RawNode;
+use super::raw_node::RawNode;
 use super::{Graph, GraphNode, Link};
 use crate::diag::{Diagnostic, Severity, SourceLocation};
 use foley_nodes::core::ports::Arity;

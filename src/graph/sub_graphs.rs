@@ -1,7 +1,9 @@
 //! The sub-graphs that a graph file uses.
 
-use super::loader::{Layer, Loader, read_text, valid_id};
+use super::loader::{Layer, Loader};
+use super::raw_node::valid_id;
 use super::root::join;
+use super::texts::read_text;
 use super::values::{Given, Origin, Scope};
 use crate::diag::{Diagnostic, SourceLocation, any_error};
 use crate::lang::{self, Value, ValueKind};
