@@ -1,7 +1,8 @@
 //! Arguments of `foley probe`.
 
+use super::graph::GraphArgs;
 use super::parse::{parse_seconds, parse_threads, parse_time};
-use super::{GraphArgs, MemoArgs};
+use super::run::MemoArgs;
 use crate::session::Session;
 use clap::Args as ClapArgs;
 use foley_nodes::registry::Registry;

@@ -1,6 +1,6 @@
 //! Arguments of `foley table`.
 
-use super::GraphsArgs;
+use super::graph::GraphsArgs;
 use super::parse::{parse_seconds, parse_threads};
 use crate::session::Session;
 use clap::Args as ClapArgs;

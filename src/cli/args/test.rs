@@ -1,7 +1,7 @@
 //! Arguments of `foley test`.
 
+use super::graph::{LimitArgs, load_options};
 use super::parse::parse_threads;
-use super::{LimitArgs, load_options};
 use crate::graph::LoadOptions;
 use clap::Args as ClapArgs;
 use foley_nodes::registry::Registry;
