@@ -129,8 +129,8 @@ fn stream(rng: &mut Rng, item: &ItemType, rate: Rate, like: Option<&Feed>, level
         let channels = channels.unwrap_or(Channels(1 + rng.below(3) as u16));
         return audio(rng, rate, channels, items, level);
     }
-    let made = like.and_then(|shape| (item.trial_like)(rng, shape, items));
-    made.unwrap_or_else(|| (item.trial)(rng, rate, items))
+    let made = like.and_then(|shape| Feed::trial_stream_like(item, rng, shape, items));
+    made.unwrap_or_else(|| Feed::trial_stream(item, rng, rate, items))
 }
 
 impl Trial {
@@ -176,7 +176,7 @@ impl Trial {
                     PortKind::Stream(item) => stream(&mut rng, item, rate, like, level),
                     PortKind::Events(event) => {
                         let end = (TICKS_PER_SECOND as f64 * rng.between(0.05, 0.5)) as Tick;
-                        (event.trial)(&mut rng, end)
+                        Feed::trial_events(event, &mut rng, end)
                     }
                     PortKind::Value(data) | PortKind::Fold(data) => Feed::value((data.trial)(&mut rng)),
                 };

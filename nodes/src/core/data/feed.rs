@@ -1,7 +1,11 @@
 //! Whole inputs for a node that runs without a graph.
 
-use super::buffer::{AnyBuffer, EventBuffer, StreamBuffer};
-use super::item::{AnyValue, Described, Event, EventType, Item, LinkShape, OfEvent, StreamShape};
+pub use super::item::FeedSource;
+
+use super::item::{
+    AnyValue, Described, Event, EventType, Item, ItemType, Items, LinkShape, OfEvent, Sparse, StreamShape,
+    WholeStream,
+};
 use super::random::Rng;
 use super::time::{Rate, Tick};
 use std::sync::Arc;
@@ -11,48 +15,54 @@ use std::sync::Arc;
 pub struct Feed {
     shape: LinkShape,
     source: Option<Arc<dyn FeedSource>>,
-}
-
-/// The items or events of a [`Feed`].
-pub trait FeedSource: Send + Sync {
-    /// Appends the items or events of `[from, to)` to a buffer of their type.
-    fn append_to(&self, buffer: &mut dyn AnyBuffer, from: i64, to: i64);
-
-    /// Returns true if there is nothing to append.
-    fn is_empty(&self) -> bool;
-
-    /// The type of the events; `None` for items.
-    fn event_type(&self) -> Option<&'static EventType> {
-        None
-    }
-
-    /// The same stream with other numbers in one item; `None` for events.
-    fn vary(&self, item: usize, rng: &mut Rng) -> Option<Feed> {
-        let _ = (item, rng);
-        None
-    }
+    /// The type of the events.
+    event_type: Option<&'static EventType>,
 }
 
 impl Feed {
     /// A stream of `data.len() / width` items.
     #[must_use]
     pub fn stream<T: Item>(rate: Rate, format: T::Format, data: Vec<T::Elem>) -> Self {
-        let items = data.len() / T::width(&format).max(1);
-        let shape = StreamShape::new::<T>(rate, format.clone(), Some(rate.tick(items as i64)));
-        let source = Items::<T> { rate, format, data };
-        Self { shape: LinkShape::Stream(shape), source: Some(Arc::new(source)) }
+        let items = Items::<T> { format, data };
+        Self::of_stream((StreamShape::of_items(rate, &items), Arc::new(items)))
+    }
+
+    fn of_stream((shape, source): WholeStream) -> Self {
+        Self { shape: LinkShape::Stream(shape), source: Some(source), event_type: None }
+    }
+
+    /// A stream of valid items, for trials.
+    #[must_use]
+    pub fn trial_stream(item: &ItemType, rng: &mut Rng, rate: Rate, items: i64) -> Self {
+        Self::of_stream((item.trial)(rng, rate, items))
+    }
+
+    /// The same with the rate and the format of another stream of the type; `None` for one of another type.
+    #[must_use]
+    pub fn trial_stream_like(item: &ItemType, rng: &mut Rng, like: &StreamShape, items: i64) -> Option<Self> {
+        (item.trial_like)(rng, like, items).map(Self::of_stream)
     }
 
     /// Events, sorted by time, until `end`.
     #[must_use]
     pub fn events<T: Event>(events: Vec<(Tick, T)>, end: Tick) -> Self {
-        Self { shape: LinkShape::Events(Some(end)), source: Some(Arc::new(Sparse { events })) }
+        Self::of_events(OfEvent::<T>::INFO, Arc::new(Sparse { events }), end)
+    }
+
+    fn of_events(event_type: &'static EventType, source: Arc<dyn FeedSource>, end: Tick) -> Self {
+        Self { shape: LinkShape::Events(Some(end)), source: Some(source), event_type: Some(event_type) }
+    }
+
+    /// Valid events until `end`, for trials.
+    #[must_use]
+    pub fn trial_events(event_type: &'static EventType, rng: &mut Rng, end: Tick) -> Self {
+        Self::of_events(event_type, (event_type.trial)(rng, end), end)
     }
 
     /// A value.
     #[must_use]
     pub fn value(value: AnyValue) -> Self {
-        Self { shape: LinkShape::Value(Some(value)), source: None }
+        Self { shape: LinkShape::Value(Some(value)), source: None, event_type: None }
     }
 
     /// The shape that a node receives when it is shaped.
@@ -73,61 +83,16 @@ impl Feed {
         self.source.as_ref()
     }
 
+    /// The type of the events; `None` for a stream and a value.
+    #[must_use]
+    pub fn event_type(&self) -> Option<&'static EventType> {
+        self.event_type
+    }
+
     /// The same stream with other numbers in one item, for trials; `None` for events and values.
     #[must_use]
     pub fn vary(&self, item: usize, rng: &mut Rng) -> Option<Self> {
-        self.source.as_ref()?.vary(item, rng)
-    }
-}
-
-struct Items<T: Item> {
-    rate: Rate,
-    format: T::Format,
-    data: Vec<T::Elem>,
-}
-
-impl<T: Item> FeedSource for Items<T> {
-    fn append_to(&self, buffer: &mut dyn AnyBuffer, from: i64, to: i64) {
-        let width = T::width(&self.format);
-        if let Some(buffer) = buffer.typed_mut::<StreamBuffer<T::Elem>>() {
-            let items = &self.data[from as usize * width..to as usize * width];
-            buffer.append((to - from) as usize).copy_from_slice(items);
-        }
-    }
-
-    fn is_empty(&self) -> bool {
-        self.data.is_empty()
-    }
-
-    fn vary(&self, item: usize, rng: &mut Rng) -> Option<Feed> {
-        let width = T::width(&self.format);
-        let mut data = self.data.clone();
-        for (k, elem) in data.iter_mut().skip(item * width).take(width).enumerate() {
-            *elem = T::trial(&self.format, k, rng);
-        }
-        Some(Feed::stream::<T>(self.rate, self.format.clone(), data))
-    }
-}
-
-struct Sparse<T> {
-    events: Vec<(Tick, T)>,
-}
-
-impl<T: Event> FeedSource for Sparse<T> {
-    fn append_to(&self, buffer: &mut dyn AnyBuffer, from: i64, to: i64) {
-        if let Some(buffer) = buffer.typed_mut::<EventBuffer<T>>() {
-            buffer.advance(to);
-            for (tick, event) in self.events.iter().filter(|(tick, _)| (from..to).contains(tick)) {
-                buffer.push(*tick, event.clone());
-            }
-        }
-    }
-
-    fn is_empty(&self) -> bool {
-        self.events.is_empty()
-    }
-
-    fn event_type(&self) -> Option<&'static EventType> {
-        Some(OfEvent::<T>::INFO)
+        let source = self.source.as_ref()?.vary(item, rng)?;
+        Some(Self { source: Some(source), ..self.clone() })
     }
 }

@@ -102,7 +102,7 @@ impl Wiring {
                 InWire::Stream { buffer, clock, behind, ahead, delay, width: stream.width, rate }
             }
             LinkShape::Events(stop) => {
-                let event = feed.source().and_then(|source| source.event_type());
+                let event = feed.event_type();
                 let event = event.expect("a feed of events knows their type");
                 let span = reader.delay + window + behind as Tick + ahead as Tick;
                 let buffer = self.buffer((event.buffer)(span, &Budget::default()));
