@@ -1,6 +1,6 @@
 //! What comes in while a graph plays and is heard: contacts and meshes.
 
-use super::playback::{OUT, Stand, graph};
+use super::stand::{OUT, Stand, graph};
 use crate::common;
 use foley::graph::{DirFiles, Limits, LoadOptions, Override, load, load_text};
 use foley::live::input::{Hub, Refusal, listen_to_meshes};
