@@ -2,8 +2,8 @@
 
 use foley_nodes::core::buffer::Pad;
 use foley_nodes::core::item::{EventType, ItemType};
-use foley_nodes::core::stage::Clock;
-use foley_nodes::core::time::{Rate, Tick};
+use foley_nodes::core::stage::{Clock, InWire, OutWire};
+use foley_nodes::core::time::Tick;
 
 /// Windows by which a region may be ahead of the regions that read it.
 pub const DEPTH: usize = 4;
@@ -48,70 +48,11 @@ impl BufferPlan {
     }
 }
 
-/// The source of one link of an input.
-#[derive(Clone, Debug)]
-pub enum PlanInput {
-    /// A stream in a buffer of the region.
-    Stream {
-        /// Buffer.
-        buffer: usize,
-        /// Clock of the reader.
-        clock: usize,
-        /// Look-behind, items.
-        behind: usize,
-        /// Look-ahead, items.
-        ahead: usize,
-        /// Delay of the input, items.
-        delay: usize,
-        /// Elements per item.
-        width: usize,
-        /// Items per second.
-        rate: Rate,
-    },
-    /// Events in a buffer of the region.
-    Events {
-        /// Buffer.
-        buffer: usize,
-        /// Clock of the reader.
-        clock: usize,
-        /// Look-behind, ticks.
-        behind: Tick,
-        /// Look-ahead, ticks.
-        ahead: Tick,
-    },
-    /// A value of another node.
-    Value {
-        /// Node of the graph.
-        node: usize,
-        /// Its output port.
-        port: usize,
-    },
-}
+/// The source of one link of an input: for a value the node of the graph that gives it, and its output port.
+pub type PlanInput = InWire<(usize, usize)>;
 
 /// The destination of an output.
-#[derive(Clone, Debug)]
-pub enum PlanOutput {
-    /// A stream into a buffer of the region.
-    Stream {
-        /// Buffer.
-        buffer: usize,
-        /// Clock of the writer.
-        clock: usize,
-        /// Elements per item.
-        width: usize,
-        /// Items per second.
-        rate: Rate,
-    },
-    /// Events into a buffer of the region.
-    Events {
-        /// Buffer.
-        buffer: usize,
-        /// Clock of the writer.
-        clock: usize,
-    },
-    /// A value.
-    Value,
-}
+pub type PlanOutput = OutWire<()>;
 
 /// A node of the graph, or the writer of a tap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

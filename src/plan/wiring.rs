@@ -134,9 +134,9 @@ impl Wiring<'_> {
                 let clock = Clock::of_node(delay, self.shapes[n].lag, self.end(n), from);
                 let clock = self.regions[region].add_clock(clock);
                 // Links of streams are replaced when the output that feeds them gets its buffer.
-                let value = |l: &Link| PlanInput::Value { node: l.node, port: l.port };
+                let value = |l: &Link| PlanInput::Value((l.node, l.port));
                 let inputs = node.links.iter().map(|links| links.iter().map(value).collect());
-                let outputs = vec![PlanOutput::Value; node.ty.outputs.len()];
+                let outputs = vec![PlanOutput::Value(()); node.ty.outputs.len()];
                 PlanNode { runnable, clock, inputs: inputs.collect(), outputs, copies: Vec::new() }
             }
         }

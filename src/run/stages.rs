@@ -14,9 +14,8 @@ use foley_nodes::core::node::DynNode;
 use foley_nodes::core::ports::PortKind;
 use foley_nodes::core::random::Random;
 use foley_nodes::core::shape::{Build, LinkShape, NodeShape};
-use foley_nodes::core::stage::{InWire, OutWire, Stage, StageNode};
+use foley_nodes::core::stage::{Stage, StageNode};
 use foley_nodes::core::time::Tick;
-use std::cell::RefCell;
 use std::sync::{Arc, LazyLock};
 
 /// Runs work on a thread of its own; if there can be none it is dropped, and whoever waits for its result learns so from the channel.
@@ -189,33 +188,12 @@ pub fn assemble(
 }
 
 fn wire_node(plan: &PlanNode, node: Box<dyn DynNode>, values: &Values) -> StageNode {
-    let input = |wire: &PlanInput| match wire {
-        PlanInput::Stream { buffer, clock, behind, ahead, delay, width, rate } => Some(InWire::Stream {
-            buffer: *buffer,
-            clock: *clock,
-            behind: *behind,
-            ahead: *ahead,
-            delay: *delay,
-            width: *width,
-            rate: *rate,
-        }),
-        PlanInput::Events { buffer, clock, behind, ahead } => {
-            Some(InWire::Events { buffer: *buffer, clock: *clock, behind: *behind, ahead: *ahead })
-        }
-        PlanInput::Value { node, port } => values.get(&(*node, *port)).cloned().map(InWire::Value),
-    };
-    let output = |wire: &PlanOutput| match wire {
-        PlanOutput::Stream { buffer, clock, width, rate } => {
-            OutWire::Stream { buffer: *buffer, clock: *clock, width: *width, rate: *rate }
-        }
-        PlanOutput::Events { buffer, clock } => OutWire::Events { buffer: *buffer, clock: *clock },
-        PlanOutput::Value => OutWire::Value(RefCell::default()),
-    };
+    let input = |wire: &PlanInput| wire.with_value(|at| values.get(at).cloned());
     StageNode {
         node,
         clock: plan.clock,
         inputs: plan.inputs.iter().map(|links| links.iter().filter_map(input).collect()).collect(),
-        outputs: plan.outputs.iter().map(output).collect(),
+        outputs: plan.outputs.iter().map(PlanOutput::with_room).collect(),
         copies: plan.copies.clone(),
     }
 }

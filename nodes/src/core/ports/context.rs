@@ -9,9 +9,9 @@ use std::marker::PhantomData;
 /// A buffer that one node writes and others read.
 pub type BufferCell = RefCell<BoxedBuffer>;
 
-/// Source of one link of an input.
-#[derive(Debug)]
-pub enum InWire {
+/// Source of one link of an input; a plan has places of values in place of values.
+#[derive(Clone, Debug)]
+pub enum InWire<V = AnyValue> {
     /// A stream.
     Stream {
         /// Buffer number.
@@ -41,12 +41,25 @@ pub enum InWire {
         ahead: Tick,
     },
     /// A value.
-    Value(AnyValue),
+    Value(V),
 }
 
-/// Destination of an output.
-#[derive(Debug)]
-pub enum OutWire {
+impl<V> InWire<V> {
+    /// The same link with its value found; `None` where there is none.
+    pub fn with_value<W>(&self, find: impl FnOnce(&V) -> Option<W>) -> Option<InWire<W>> {
+        Some(match *self {
+            Self::Stream { buffer, clock, behind, ahead, delay, width, rate } => {
+                InWire::Stream { buffer, clock, behind, ahead, delay, width, rate }
+            }
+            Self::Events { buffer, clock, behind, ahead } => InWire::Events { buffer, clock, behind, ahead },
+            Self::Value(ref value) => InWire::Value(find(value)?),
+        })
+    }
+}
+
+/// Destination of an output; a plan has no room for values.
+#[derive(Clone, Debug)]
+pub enum OutWire<V = RefCell<Option<AnyValue>>> {
     /// A stream.
     Stream {
         /// Buffer number.
@@ -66,7 +79,19 @@ pub enum OutWire {
         clock: usize,
     },
     /// A value, as soon as it exists.
-    Value(RefCell<Option<AnyValue>>),
+    Value(V),
+}
+
+impl OutWire<()> {
+    /// The same output with room for a value.
+    #[must_use]
+    pub fn with_room(&self) -> OutWire {
+        match *self {
+            Self::Stream { buffer, clock, width, rate } => OutWire::Stream { buffer, clock, width, rate },
+            Self::Events { buffer, clock } => OutWire::Events { buffer, clock },
+            Self::Value(()) => OutWire::Value(RefCell::default()),
+        }
+    }
 }
 
 /// Converts a window of the run to a range of items: items of `rate` (ticks if it is `None`), delayed by `delay`, until `end`.
