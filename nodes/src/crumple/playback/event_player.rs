@@ -1,6 +1,7 @@
 //! EventPlayer of matched events, for one channel and for two ears.
 
-use super::onset_timing::{Jitter, Timing};
+use super::onset_timing::{Jitter, JitterParams};
+use super::playback_params::PlaybackParams;
 use super::voices::{Onset, Player, VoiceFilter};
 use crate::archive_state;
 use crate::core::fault::Fault;
@@ -22,7 +23,8 @@ pub(super) struct EventPlayer<F> {
     /// Energies of the samples at the rate of the bank.
     energies: Vec<f64>,
     bank: u32,
-    timing: Timing,
+    onset: JitterParams,
+    playback: PlaybackParams,
     random: Random,
     ahead: Tick,
     /// End of the events that were handled.
@@ -38,19 +40,20 @@ impl<F: VoiceFilter> EventPlayer<F> {
     /// Resamples a bank to the rate of the output. `margins` are the frames of output before and after a sample.
     pub fn new(
         bank: &CrumpleBank,
-        timing: Timing,
+        (onset, playback): (&JitterParams, &PlaybackParams),
         margins: [usize; 2],
         random: Random,
     ) -> Result<Self, Fault> {
         let wrong = |e: BankError| Fault::new("F106", e.to_string()).at("bank");
         bank.validate().map_err(wrong)?;
-        let resampled = bank.resampled(timing.rate.as_f64()).map_err(wrong)?;
+        let resampled = bank.resampled(playback.rate.as_f64()).map_err(wrong)?;
         Ok(Self {
-            player: Player::new(&resampled, timing.max_voices, margins),
+            player: Player::new(&resampled, playback.max_voices, margins),
             energies: bank.energies.clone(),
             bank: bank.id(),
-            ahead: timing.ahead(margins[0]),
-            timing,
+            ahead: onset.ahead(margins[0], playback.rate),
+            onset: onset.clone(),
+            playback: playback.clone(),
             random,
             next: None,
             played: 0,
@@ -59,8 +62,8 @@ impl<F: VoiceFilter> EventPlayer<F> {
 
     /// Returns the ticks from an event to the beginning of its sample.
     fn delay(&self, tick: Tick, event: &MatchedCrumple) -> Tick {
-        let spread = self.timing.spread(event.interval);
-        let centre = if self.timing.jitter == Jitter::Centred { spread / 2 } else { 0 };
+        let spread = self.onset.spread(event.interval);
+        let centre = if self.onset.jitter == Jitter::Centred { spread / 2 } else { 0 };
         let draw = self.random.uniform(event.id, tick as u64, 0);
         (draw * spread as f64) as Tick - centre
     }
@@ -68,12 +71,12 @@ impl<F: VoiceFilter> EventPlayer<F> {
     /// Returns the gain of an event.
     fn gain(&self, event: &MatchedCrumple) -> f32 {
         let energy = self.energies.get(event.sample as usize).copied().unwrap_or(0.0);
-        let matched = if self.timing.match_gain && energy > 0.0 {
+        let matched = if self.playback.match_gain && energy > 0.0 {
             (event.wanted / energy).sqrt().clamp(1.0 / MAX_GAIN, MAX_GAIN) as f32
         } else {
             1.0
         };
-        self.timing.gain * matched
+        self.playback.gain * matched
     }
 
     /// Plays a window. `filter` returns the filter of a position at a time.
@@ -115,13 +118,13 @@ impl<F: VoiceFilter> EventPlayer<F> {
     }
 
     /// Changes the gains of following samples. Sounding voices have their own gains.
-    pub fn set_gain(&mut self, gain: f32, match_gain: bool) {
-        (self.timing.gain, self.timing.match_gain) = (gain, match_gain);
+    pub fn set_gains(&mut self, playback: &PlaybackParams) {
+        self.playback = self.playback.with_gains_of(playback);
     }
 
     /// Adopts the voices of another player of the same bank and rate.
     pub fn adopt(&mut self, old: &Self) {
-        if (self.bank, self.timing.rate) == (old.bank, old.timing.rate) {
+        if (self.bank, self.playback.rate) == (old.bank, old.playback.rate) {
             self.player.take_state(&old.player);
         }
         self.played = old.played;

@@ -1,7 +1,7 @@
 //! Times at which samples begin.
 
-use crate::choices;
 use crate::core::time::{Rate, Tick, ticks};
+use crate::{choices, params};
 
 choices! {
     /// Delay of a sample after its event.
@@ -20,30 +20,30 @@ choices! {
 
 /// Maximum frame interval for whole frames of jitter, s.
 const MAX_FRAME_INTERVAL: f64 = 0.1;
-/// Parameters of onsets: their times and levels.
-#[derive(Clone, Debug)]
-pub(super) struct Timing {
-    pub jitter: Jitter,
-    pub jitter_time: f64,
-    pub gain: f32,
-    pub match_gain: bool,
-    pub max_voices: usize,
-    pub rate: Rate,
+
+params! {
+    /// Delays of samples after their events.
+    pub struct JitterParams {
+        /// Delay of a sample after its event.
+        jitter: Jitter = Jitter::WholeFrames;
+        /// Range of the delays.
+        jitter_time: f64 = 0.033333333333333, unit "s", range 0.0..=0.2;
+    }
 }
 
-impl Timing {
+impl JitterParams {
     /// Returns the look-ahead in ticks: for samples that begin before their event, and for output up to `lead` frames
-    /// before a sample begins.
-    pub fn ahead(&self, lead: usize) -> Tick {
+    /// of a rate before a sample begins.
+    pub(super) fn ahead(&self, lead: usize, rate: Rate) -> Tick {
         let early = match self.jitter {
             Jitter::Centred => ticks(0.5 * (self.jitter_time + MAX_FRAME_INTERVAL)),
             _ => 0,
         };
-        early + if lead > 0 { self.rate.span(lead + 1) } else { 0 }
+        early + if lead > 0 { rate.span(lead + 1) } else { 0 }
     }
 
     /// Returns the range of delays in ticks, for frames of `interval` ticks.
-    pub fn spread(&self, interval: Tick) -> Tick {
+    pub(super) fn spread(&self, interval: Tick) -> Tick {
         let time = ticks(self.jitter_time);
         match self.jitter {
             Jitter::Off => 0,

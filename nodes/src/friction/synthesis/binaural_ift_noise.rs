@@ -18,9 +18,9 @@ use crate::core::time::{Rate, Tick};
 use crate::dsp;
 use crate::friction::model::FrictionModel;
 use crate::mesh::Mesh;
-use crate::spatial::Pinna;
-use crate::spatial::motion::interpolation::{frames_per_item, items_on_frames, listener_pose, pose_at};
-use crate::spatial::{Distance, Head, HeadReceiver, Pose, Poses};
+use crate::spatial::hrtf::head_params::HeadParams;
+use crate::spatial::motion::interpolation::{frames_per_item, items_on_frames, pose_at};
+use crate::spatial::{Distance, HeadReceiver, Pose, Poses};
 use crate::{archive_state, params, ports};
 
 params! {
@@ -40,16 +40,8 @@ params! {
     pub struct BinauralIftNoiseParams {
         /// Sample rate of the audio.
         rate: Rate = Rate::hz(48_000);
-        /// Position of the listener's head, unless `listener` is linked.
-        listener: [f64; 3] = [0.0; 3], unit "m", range -100_000.0..=100_000.0;
-        /// Direction of view of the listener, unless `listener` is linked: a vector of any length.
-        look: [f64; 3] = [1.0, 0.0, 0.0], unit "", range -100_000.0..=100_000.0;
-        /// Direction upwards from the listener: a vector not parallel to `look`.
-        up: [f64; 3] = [0.0, 0.0, 1.0], unit "", range -100_000.0..=100_000.0;
-        /// Reflections of the pinna.
-        pinna: Pinna = Pinna::Set0;
-        /// Radius of the head.
-        radius: f64 = 0.0875, unit "m", range 0.01..=1.0;
+        /// The head.
+        [group] head: HeadParams;
         /// Distance at which cloth is as loud as its model; None ignores distance.
         reference: Option<f64> = Some(1.0), unit "m", range 0.001..=10_000.0;
         /// Distance below which the level is constant.
@@ -122,7 +114,7 @@ impl Node for BinauralIftNoise {
         type Port = BinauralIftNoisePorts;
         let (speeds, mesh) = (s.input(Port::speeds), s.input(Port::mesh));
         s.check(hop(p.rate, speeds.rate));
-        s.check(listener_pose(p.listener, p.look, p.up));
+        s.check(p.head.pose());
         if let Some(model) = s.value(Port::model) {
             s.check(model.validate().map_err(|e| Reject::new("F076", e.to_string()).at("model")));
         }
@@ -172,9 +164,8 @@ impl Node for BinauralIftNoise {
             area_weight: p.vertices.area_weight,
             gain: p.vertices.gain,
         };
-        let head = Head { radius: p.radius, pinna: p.pinna.set(), ..Head::default() };
         let distance = p.reference.map(|reference| Distance { reference, nearest: p.nearest });
-        let receiver = HeadReceiver::new(head, fs, len, distance);
+        let receiver = HeadReceiver::new(p.head.head(), fs, len, distance);
         let noise = IftNoise::with_receiver(&model, fs, params, &speeds.format, cx.random, receiver);
         let noise = noise.map_err(|e| Fault::new("F076", e.to_string()).at("model"))?;
         Ok(Self {
@@ -183,7 +174,7 @@ impl Node for BinauralIftNoise {
             peak: 0.0,
             positions: vec![[0.0; 3]; speeds.format.len()],
             planar: vec![0.0; len],
-            listener: listener_pose(p.listener, p.look, p.up)?,
+            listener: p.head.pose()?,
             params: p.clone(),
         })
     }
@@ -231,20 +222,14 @@ impl Node for BinauralIftNoise {
     }
 
     fn retune(&mut self, new: &BinauralIftNoiseParams) -> Retune {
-        let BinauralIftNoiseParams { listener, look, up, vertices: VertexLevelParams { level, .. }, .. } =
-            *new;
-        if (BinauralIftNoiseParams {
-            listener,
-            look,
-            up,
-            vertices: VertexLevelParams { level, ..self.params.vertices },
-            ..self.params.clone()
-        }) != *new
-        {
+        let level = new.vertices.level;
+        let vertices = VertexLevelParams { level, ..self.params.vertices };
+        let head = self.params.head.posed_as(&new.head);
+        if (BinauralIftNoiseParams { head, vertices, ..self.params.clone() }) != *new {
             return Retune::Rebuild;
         }
         self.level.set_target(f64::from(level));
-        if let Some(pose) = Pose::looking(listener, look, up) {
+        if let Ok(pose) = new.head.pose() {
             self.listener = pose;
         }
         self.params = new.clone();

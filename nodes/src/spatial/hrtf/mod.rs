@@ -2,6 +2,7 @@
 
 pub mod binaural;
 pub mod head;
+pub mod head_params;
 pub mod receiver;
 pub mod static_source;
 pub mod structural_hrtf;

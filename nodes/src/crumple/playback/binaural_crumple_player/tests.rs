@@ -1,19 +1,25 @@
+use super::super::onset_timing::Jitter;
 use super::*;
 use crate::core::item::Event;
 use crate::core::standalone::Standalone;
-use crate::core::time::Tick;
+use crate::core::time::{Rate, Tick};
 use crate::crumple::bank::{Cut, Extraction, Origin, Recorded};
 use crate::crumple::playback::crumple_player::{CrumplePlayer, CrumplePlayerParams, CrumplePlayerPorts};
-use crate::spatial::Ear;
 use crate::spatial::hrtf::structural_hrtf::{StructuralHrtf, StructuralHrtfParams, StructuralHrtfPorts};
 use crate::spatial::propagation::distance_gain::{DistanceGain, DistanceGainParams, DistanceGainPorts};
+use crate::spatial::{Ear, Pinna};
 
 type Port = BinauralCrumplePlayerPorts;
 type Parameters = BinauralCrumplePlayerParams;
 
 fn params() -> Parameters {
     let p = Parameters::read(&|_| None).unwrap();
-    Parameters { jitter: Jitter::Off, pinna: Pinna::Off, tail: 0.05, ..p }
+    Parameters {
+        onset: JitterParams { jitter: Jitter::Off, ..p.onset },
+        head: HeadParams { pinna: Pinna::Off, ..p.head },
+        playback: PlaybackParams { tail: 0.05, ..p.playback },
+        ..p
+    }
 }
 
 /// A bank of one click, one burst of noise, and one wave that has nothing above 2.5 kHz.
@@ -55,7 +61,11 @@ fn power(x: &[f32]) -> f64 {
 fn mirrored_events_swap_the_ears_bit_for_bit_and_events_in_front_are_equal_in_both() {
     for pinna in [Pinna::Off, Pinna::Set0] {
         let render = |degrees| {
-            let p = Parameters { pinna, jitter: Jitter::WholeFrames, ..params() };
+            let p = Parameters {
+                head: HeadParams { pinna, ..params().head },
+                onset: JitterParams { jitter: Jitter::WholeFrames, ..params().onset },
+                ..params()
+            };
             let events = [
                 (ticks(0.1), event(3, 1, at_azimuth(degrees, 2.0))),
                 (ticks(0.1), event(9, 0, at_azimuth(degrees, 1.0))),
@@ -89,11 +99,8 @@ fn the_ears_differ_in_time_as_in_the_model() {
 
 /// The same sound from other nodes: one channel, then head and distance.
 fn by_other_nodes(position: [f32; 3], tick: Tick, listener: Pose) -> Vec<f32> {
-    let p = CrumplePlayerParams {
-        jitter: Jitter::Off,
-        tail: 0.05,
-        ..CrumplePlayerParams::read(&|_| None).unwrap()
-    };
+    let Parameters { onset, playback, .. } = params();
+    let p = CrumplePlayerParams { onset, playback };
     let mono = Standalone::new::<CrumplePlayer>(p)
         .events(CrumplePlayerPorts::matched, vec![(tick, event(0, 2, position))], ticks(0.5))
         .value(CrumplePlayerPorts::bank, bank());
@@ -128,7 +135,7 @@ fn one_event_equals_the_mono_player_through_head_and_distance_nodes_while_the_li
     for (k, position) in [(6, [1.0, 2.0, 0.5]), (13, [-2.0, 0.2, 0.0])] {
         // The sample begins at a frame of the listener, so its pose is that of the frame.
         let tick = Rate::hz(60).tick(k);
-        let p = Parameters { pinna: Pinna::Set0, ..params() };
+        let p = Parameters { head: HeadParams { pinna: Pinna::Set0, ..params().head }, ..params() };
         let standalone = standalone(p, &[(tick, event(0, 2, position))]).optional(
             Port::listener,
             Rate::hz(60),
@@ -152,7 +159,12 @@ fn windows_of_any_length_give_the_same_bits_while_the_listener_moves_and_voices_
         .collect();
     for (jitter, max_voices) in [(Jitter::WholeFrames, 100), (Jitter::Centred, 3), (Jitter::Off, 2)] {
         let run = |window| {
-            let p = Parameters { jitter, max_voices, pinna: Pinna::Set1, ..params() };
+            let p = Parameters {
+                onset: JitterParams { jitter, ..params().onset },
+                playback: PlaybackParams { max_voices, ..params().playback },
+                head: HeadParams { pinna: Pinna::Set1, ..params().head },
+                ..params()
+            };
             let standalone = standalone(p, &events).optional(Port::listener, Rate::hz(60), (), poses.clone());
             let mut standalone = standalone.window(window);
             standalone.poison = true;
@@ -180,6 +192,9 @@ fn the_level_falls_with_distance_unless_there_is_no_reference() {
 
 #[test]
 fn an_undefined_direction_of_the_head_is_refused() {
-    let reject = standalone(Parameters { up: [2.0, 0.0, 0.0], ..params() }, &[]).shape().unwrap_err();
+    let reject =
+        standalone(Parameters { head: HeadParams { up: [2.0, 0.0, 0.0], ..params().head }, ..params() }, &[])
+            .shape()
+            .unwrap_err();
     assert!(reject.code == "F067" && reject.message.contains("listener"), "{reject}");
 }

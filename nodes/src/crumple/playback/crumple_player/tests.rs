@@ -1,12 +1,18 @@
+use super::super::onset_timing::Jitter;
 use super::*;
 use crate::core::item::Event;
 use crate::core::random::Random;
 use crate::core::standalone::Standalone;
-use crate::core::time::Tick;
+use crate::core::time::{Rate, Tick};
 use crate::crumple::bank::{Cut, Extraction, Origin, Recorded, trial_bank};
 
 fn defaults() -> CrumplePlayerParams {
     CrumplePlayerParams::read(&|_| None).unwrap()
+}
+
+fn params(jitter: Jitter, playback: PlaybackParams) -> CrumplePlayerParams {
+    let onset = JitterParams { jitter, ..defaults().onset };
+    CrumplePlayerParams { onset, playback }
 }
 
 /// A bank of one click of one sample, so that the output is the train of onsets itself.
@@ -36,7 +42,7 @@ fn run(
 #[test]
 fn without_jitter_samples_begin_at_the_exact_frame_in_any_window() {
     let bank = click_bank();
-    let p = CrumplePlayerParams { jitter: Jitter::Off, gain: 0.5, tail: 0.01, ..defaults() };
+    let p = params(Jitter::Off, PlaybackParams { gain: 0.5, tail: 0.01, ..defaults().playback });
     let rate = Rate::hz(48_000);
     let events = [(rate.tick(1000), event(&bank, 0, 60)), (rate.tick(1000) + 1, event(&bank, 1, 60))];
     for window in [1.0, 0.003] {
@@ -48,9 +54,7 @@ fn without_jitter_samples_begin_at_the_exact_frame_in_any_window() {
 
 #[test]
 fn jitter_is_whole_frames_of_the_motion() {
-    let at = |fps: u32, jitter| {
-        timing(&CrumplePlayerParams { jitter, ..defaults() }).spread(Rate::hz(fps).tick(1))
-    };
+    let at = |fps: u32, jitter| params(jitter, defaults().playback).onset.spread(Rate::hz(fps).tick(1));
     let spread = |fps: u32, frames: i64| Rate::hz(fps).tick(1) * frames;
     for (fps, frames) in [(24, 1), (25, 1), (30, 1), (50, 2), (60, 2), (120, 4)] {
         assert_eq!(at(fps, Jitter::WholeFrames), spread(fps, frames), "{fps}");
@@ -61,7 +65,7 @@ fn jitter_is_whole_frames_of_the_motion() {
 #[test]
 fn centred_jitter_begins_around_the_event_for_any_window() {
     let bank = click_bank();
-    let p = CrumplePlayerParams { jitter: Jitter::Centred, tail: 0.2, ..defaults() };
+    let p = params(Jitter::Centred, PlaybackParams { tail: 0.2, ..defaults().playback });
     let events: Vec<_> = (0..400).map(|k| (ticks(0.5), event(&bank, k, 60))).collect();
     let whole = run(p.clone(), &events, 1.0, 3.0, &bank);
     for window in [0.0101, 0.001] {
@@ -97,7 +101,7 @@ fn jitter_of_whole_frames_hides_every_frame_rate() {
         quantised.sort_unstable();
         let events: Vec<_> =
             quantised.into_iter().map(|(k, id)| (Rate::hz(fps).tick(k), event(&bank, id, fps))).collect();
-        let p = CrumplePlayerParams { jitter, tail: 0.1, ..defaults() };
+        let p = params(jitter, PlaybackParams { tail: 0.1, ..defaults().playback });
         let out = run(p, &events, 120.0, 1.0, &bank);
         let onsets: Vec<f64> = out
             .iter()
@@ -139,7 +143,7 @@ fn with_64_voices_the_quietest_are_stolen_and_by_default_none() {
         .map(|(tick, k)| (tick, MatchedCrumple { sample: k, ..event(&bank, k, 60) }))
         .collect();
     let play = |max_voices| {
-        let p = CrumplePlayerParams { jitter: Jitter::Off, tail: 0.1, max_voices, ..defaults() };
+        let p = params(Jitter::Off, PlaybackParams { tail: 0.1, max_voices, ..defaults().playback });
         let standalone = Standalone::new::<CrumplePlayer>(p)
             .events(CrumplePlayerPorts::matched, events.clone(), ticks(0.3))
             .value(CrumplePlayerPorts::bank, bank.clone());
@@ -148,7 +152,7 @@ fn with_64_voices_the_quietest_are_stolen_and_by_default_none() {
         (run.stream(CrumplePlayerPorts::audio), figure("at_once_at_most"), figure("stolen"))
     };
     let sum = |voices: std::ops::Range<usize>| voices.map(|k| 0.01 * (k + 1) as f32).sum::<f32>();
-    let (out, at_once, stolen) = play(defaults().max_voices);
+    let (out, at_once, stolen) = play(defaults().playback.max_voices);
     assert!((out[4000] - sum(0..64)).abs() < 1e-4 && (out[6000] - sum(0..80)).abs() < 1e-4);
     assert_eq!((at_once, stolen), (Some(80), None));
     let (out, at_once, stolen) = play(64);
@@ -164,10 +168,10 @@ fn no_sample_begins_before_its_event_unless_jitter_is_centred() {
     let events: Vec<_> =
         (0..2000).map(|k| (Rate::hz(60).tick(i64::from(k) / 2), event(&bank, k, 60))).collect();
     for jitter in [Jitter::WholeFrames, Jitter::Fixed, Jitter::Off] {
-        let p = CrumplePlayerParams { jitter, tail: 0.1, ..defaults() };
+        let p = params(jitter, PlaybackParams { tail: 0.1, ..defaults().playback });
         // Without look-ahead no sample can begin before its event.
-        assert_eq!(timing(&p).ahead(0), 0);
-        let spread = timing(&p).spread(Rate::hz(60).tick(1));
+        assert_eq!(p.onset.ahead(0, p.playback.rate), 0);
+        let spread = p.onset.spread(Rate::hz(60).tick(1));
         assert!(spread <= Rate::hz(60).tick(2));
         for k in (0..events.len()).step_by(97) {
             let out = run(p.clone(), &events[k..=k], 17.0, 17.0, &bank);
@@ -178,15 +182,15 @@ fn no_sample_begins_before_its_event_unless_jitter_is_centred() {
         }
     }
     // Samples that begin before their event need look-ahead.
-    let p = CrumplePlayerParams { jitter: Jitter::Centred, ..defaults() };
-    assert!(timing(&p).ahead(0) >= timing(&p).spread(Rate::hz(60).tick(1)) / 2);
+    let p = params(Jitter::Centred, defaults().playback);
+    assert!(p.onset.ahead(0, p.playback.rate) >= p.onset.spread(Rate::hz(60).tick(1)) / 2);
 }
 
 #[test]
 fn gains_are_matched_within_six_decibels() {
     let bank = click_bank();
     let of = |wanted| {
-        let p = CrumplePlayerParams { jitter: Jitter::Off, match_gain: true, tail: 0.01, ..defaults() };
+        let p = params(Jitter::Off, PlaybackParams { match_gain: true, tail: 0.01, ..defaults().playback });
         run(p, &[(0, MatchedCrumple { wanted, ..event(&bank, 0, 60) })], 0.01, 1.0, &bank)[0]
     };
     assert!(
@@ -198,11 +202,10 @@ fn gains_are_matched_within_six_decibels() {
 fn another_bank_than_the_matched_one_is_refused_and_another_rate_is_not() {
     let bank = trial_bank();
     let standalone = |event| {
-        Standalone::new::<CrumplePlayer>(CrumplePlayerParams {
-            jitter: Jitter::Off,
-            tail: 0.05,
-            ..defaults()
-        })
+        Standalone::new::<CrumplePlayer>(params(
+            Jitter::Off,
+            PlaybackParams { tail: 0.05, ..defaults().playback },
+        ))
         .events(CrumplePlayerPorts::matched, vec![(0, event)], ticks(0.1))
         .value(CrumplePlayerPorts::bank, bank.clone())
     };
@@ -219,6 +222,7 @@ fn another_bank_than_the_matched_one_is_refused_and_another_rate_is_not() {
 
 #[test]
 fn without_events_the_output_is_silence_of_the_right_length() {
-    let out = run(CrumplePlayerParams { tail: 0.25, ..defaults() }, &[], 0.5, 0.1, &click_bank());
+    let p = params(Jitter::WholeFrames, PlaybackParams { tail: 0.25, ..defaults().playback });
+    let out = run(p, &[], 0.5, 0.1, &click_bank());
     assert!(out.len() == 36_000 && out.iter().all(|x| *x == 0.0));
 }

@@ -7,13 +7,13 @@ use crate::friction::synthesis::MotionAt;
 use crate::friction::synthesis::noise_params::VertexLevelParams;
 use crate::friction::testing::bump_model;
 use crate::mesh::{MeshFormat, Topology};
-use crate::spatial::Ear;
+use crate::spatial::{Ear, Head, Pinna};
 
 type Port = BinauralIftNoisePorts;
 
 fn params() -> BinauralIftNoiseParams {
     let p = BinauralIftNoiseParams::read(&|_| None).expect("every parameter has a default");
-    BinauralIftNoiseParams { pinna: Pinna::Off, ..p }
+    BinauralIftNoiseParams { head: HeadParams { pinna: Pinna::Off, ..p.head }, ..p }
 }
 
 /// Broad noise, so that the ears can be compared in time.
@@ -92,7 +92,8 @@ fn mirrored_cloth_and_a_turned_head_swap_the_ears() {
     assert!(a == d && b == c);
     let power = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
     assert!(power(&b) > 4.0 * power(&a), "right of the head");
-    let turned = BinauralIftNoiseParams { look: [-1.0, 0.0, 0.0], ..params() };
+    let turned =
+        BinauralIftNoiseParams { head: HeadParams { look: [-1.0, 0.0, 0.0], ..params().head }, ..params() };
     let [a, b] = run(turned, 50.0);
     assert!(power(&a) > 2.0 * power(&b), "left of a head that looks back");
 }
@@ -120,7 +121,8 @@ fn windows_of_any_length_give_the_same_bits_while_cloth_and_head_move() {
     let trajectory = |t: f32| at_azimuth(360.0 * t, 1.0 + t);
     let poses: Vec<Pose> = (0..25).map(|k| Pose::at([0.0, 0.02 * k as f32, 0.0])).collect();
     let run = |window: Tick| {
-        let p = BinauralIftNoiseParams { pinna: Pinna::Set1, ..params() };
+        let p =
+            BinauralIftNoiseParams { head: HeadParams { pinna: Pinna::Set1, ..params().head }, ..params() };
         let mut standalone = standalone(p, 1, trajectory)
             .optional(Port::listener, Rate::hz(25), (), poses.clone())
             .window(window);
