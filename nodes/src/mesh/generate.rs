@@ -45,6 +45,14 @@ fn topology_at_rest(synthetic: &impl Synthetic, vertices: usize, triangles: Vec<
     Topology { rest, triangles }
 }
 
+/// Topology of a sheet with as many vertices along x and y, in the rest pose of time 0.
+fn sheet_topology(sheet: &impl Synthetic, vertices: [usize; 2]) -> Topology {
+    let (nx, ny) = counts(vertices);
+    let mut triangles = Vec::new();
+    grid_triangles(nx, ny, 0, &mut triangles);
+    topology_at_rest(sheet, nx * ny, triangles)
+}
+
 /// A flat sheet in the plane z = 0 that moves with a constant velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlatSheet {
@@ -62,10 +70,7 @@ fn counts(n: [usize; 2]) -> (usize, usize) {
 
 impl Synthetic for FlatSheet {
     fn topology(&self) -> Topology {
-        let (nx, ny) = counts(self.vertices);
-        let mut triangles = Vec::new();
-        grid_triangles(nx, ny, 0, &mut triangles);
-        topology_at_rest(self, nx * ny, triangles)
+        sheet_topology(self, self.vertices)
     }
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {
@@ -128,10 +133,7 @@ pub struct SineSheet {
 
 impl Synthetic for SineSheet {
     fn topology(&self) -> Topology {
-        let (nx, ny) = counts(self.vertices);
-        let mut triangles = Vec::new();
-        grid_triangles(nx, ny, 0, &mut triangles);
-        topology_at_rest(self, nx * ny, triangles)
+        sheet_topology(self, self.vertices)
     }
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {
@@ -157,10 +159,7 @@ pub struct Bowl {
 
 impl Synthetic for Bowl {
     fn topology(&self) -> Topology {
-        let (nx, ny) = counts(self.vertices);
-        let mut triangles = Vec::new();
-        grid_triangles(nx, ny, 0, &mut triangles);
-        topology_at_rest(self, nx * ny, triangles)
+        sheet_topology(self, self.vertices)
     }
 
     fn positions(&self, t: f64, out: &mut [[f32; 3]]) {

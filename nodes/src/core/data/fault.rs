@@ -25,20 +25,6 @@ impl Reject {
         Self { code, message: message.into(), field: None, help: None, rate: None }
     }
 
-    /// Names the parameter or input that has to change.
-    #[must_use]
-    pub fn at(mut self, field: impl Into<String>) -> Self {
-        self.field = Some(field.into());
-        self
-    }
-
-    /// Adds advice on the correct form.
-    #[must_use]
-    pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = Some(help.into());
-        self
-    }
-
     /// Names the rate that the stream should have.
     #[must_use]
     pub fn rate(mut self, rate: Rate) -> Self {
@@ -46,18 +32,6 @@ impl Reject {
         self
     }
 }
-
-impl fmt::Display for Reject {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)?;
-        if let Some(help) = &self.help {
-            write!(f, " ({help})")?;
-        }
-        Ok(())
-    }
-}
-
-impl std::error::Error for Reject {}
 
 /// An error while a node was built or ran.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,20 +61,6 @@ impl Fault {
         Self::new("F091", "stopped before the end")
     }
 
-    /// Names the parameter or input that it is about.
-    #[must_use]
-    pub fn at(mut self, field: impl Into<String>) -> Self {
-        self.field = Some(field.into());
-        self
-    }
-
-    /// Adds advice on the correct form.
-    #[must_use]
-    pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = Some(help.into());
-        self
-    }
-
     /// Adds its time in the piece.
     #[must_use]
     pub fn when(mut self, time: Tick) -> Self {
@@ -116,14 +76,37 @@ impl From<Reject> for Fault {
     }
 }
 
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)?;
-        if let Some(help) = &self.help {
-            write!(f, " ({help})")?;
-        }
-        Ok(())
-    }
-}
+/// What both kinds of errors have: a field that they are about, advice, and the message with the advice as text.
+macro_rules! advised {
+    ($error:ident) => {
+        impl $error {
+            /// Names the parameter or input that it is about.
+            #[must_use]
+            pub fn at(mut self, field: impl Into<String>) -> Self {
+                self.field = Some(field.into());
+                self
+            }
 
-impl std::error::Error for Fault {}
+            /// Adds advice on the correct form.
+            #[must_use]
+            pub fn help(mut self, help: impl Into<String>) -> Self {
+                self.help = Some(help.into());
+                self
+            }
+        }
+
+        impl fmt::Display for $error {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(&self.message)?;
+                if let Some(help) = &self.help {
+                    write!(f, " ({help})")?;
+                }
+                Ok(())
+            }
+        }
+
+        impl std::error::Error for $error {}
+    };
+}
+advised!(Reject);
+advised!(Fault);

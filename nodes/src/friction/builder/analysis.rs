@@ -83,6 +83,16 @@ pub(super) fn checked_clip(seconds: f64, fs: f64) -> Result<usize, BuildError> {
     Ok(clip_samples(seconds, fs))
 }
 
+/// Checks the number of bins of speed, the cutoff of the high-pass in Hz, and the contact area in m^2, at a rate.
+pub(super) fn check_model(
+    (n_speed, high_pass, contact_area): (usize, f64, f64),
+    fs: f64,
+) -> Result<(), BuildError> {
+    check("n_speed", n_speed as f64, 2.0..=65536.0, "2 to 65,536 bins are needed")?;
+    check("high_pass", high_pass, 0.0..=0.5 * fs, "0 to half the rate is needed (20 to 100 Hz is usual)")?;
+    check("contact_area", contact_area, 1e-12..=1e12, "an area above 0 m^2 is needed")
+}
+
 pub(super) fn check_samples(recording: usize, samples: &[f32]) -> Result<(), BuildError> {
     match samples.iter().position(|x| !x.is_finite()) {
         Some(index) => Err(BuildError::Sample { recording, index, found: samples[index] }),

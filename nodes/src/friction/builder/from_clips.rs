@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::analysis::{BuildError, check, check_samples, checked_clip, high_pass, mean_speed};
+use super::analysis::{BuildError, check, check_model, check_samples, checked_clip, high_pass, mean_speed};
 use super::psd::{AnalysisWindow, Periodogram, centroid};
 use crate::friction::model::rebin::rebin;
 use crate::friction::model::{
@@ -126,14 +126,7 @@ pub fn from_clips(
     check("slowest", params.slowest, f64::MIN_POSITIVE..=f64::MAX, "a speed above 0 m/s is needed")?;
     let fastest_range = params.slowest * 1.001..=f64::MAX;
     check("fastest", params.fastest, fastest_range, "a speed at min_power 0.1 % above `slowest` is needed")?;
-    check("n_speed", params.n_speed as f64, 2.0..=65536.0, "2 to 65,536 bins are needed")?;
-    check(
-        "high_pass",
-        params.high_pass,
-        0.0..=0.5 * fs,
-        "0 to half the rate is needed (20 to 100 Hz is usual)",
-    )?;
-    check("contact_area", params.contact_area, 1e-12..=1e12, "an area above 0 m^2 is needed")?;
+    check_model((params.n_speed, params.high_pass, params.contact_area), fs)?;
     if let SpeedLaw::Exponent(e) = params.law {
         check("exponent", e, 1e-3..=100.0, "a power above 0 is needed (amplitude ~ speed^exponent)")?;
     }

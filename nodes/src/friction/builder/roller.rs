@@ -5,7 +5,7 @@
 //! multiplied by it. The paper has one spectrum per clip, whose bins scatter by 100 %; here the power of clips of
 //! similar speed is averaged, unless `raw` is set.
 
-use super::analysis::{BuildError, check, check_samples, checked_clip, high_pass, mean_speed};
+use super::analysis::{BuildError, check, check_model, check_samples, checked_clip, high_pass, mean_speed};
 use super::encoder::{EncoderTrack, Motion};
 use super::psd::{AnalysisWindow, Periodogram, welch};
 use crate::friction::model::{
@@ -69,14 +69,7 @@ pub(super) fn checked_params(params: &BuilderParams, fs: f64) -> Result<usize, B
     check("hop", params.hop, 1.0 / fs..=1e3, "a distance of at least one sample is needed")?;
     check("speed_change", params.speed_change, 0.0..=f64::MAX, "a share of at least 0 is needed")?;
     check("min_speed", params.min_speed, f64::MIN_POSITIVE..=f64::MAX, "a speed above 0 is needed")?;
-    check("n_speed", params.n_speed as f64, 2.0..=65536.0, "2 to 65,536 bins are needed")?;
-    check(
-        "high_pass",
-        params.high_pass,
-        0.0..=0.5 * fs,
-        "0 to half the rate is needed (20 to 100 Hz is usual)",
-    )?;
-    check("contact_area", params.contact_area, 1e-12..=1e12, "an area above 0 m^2 is needed")?;
+    check_model((params.n_speed, params.high_pass, params.contact_area), fs)?;
     Ok(len)
 }
 

@@ -31,3 +31,4 @@ mod spectrograms;
 mod subband;
 pub mod surrogate;
 pub mod takes;
+mod trial;

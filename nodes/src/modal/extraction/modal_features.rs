@@ -12,6 +12,7 @@ use super::room::Room;
 use super::sources::Sources;
 use super::surrogate::surrogate;
 use super::takes::Take;
+use super::trial::trial_impact;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -19,7 +20,7 @@ use crate::core::params::{AssetPath, FolderPath, Params, Text};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::io::{ListedRecording, MaxLength, RecordingList, RecordingParam, recording_warnings, trial_wav};
+use crate::io::{ListedRecording, MaxLength, RecordingList, RecordingParam, recording_warnings};
 use crate::plot::Image;
 use crate::table::ResultTable;
 use crate::{choices, params, ports};
@@ -379,12 +380,7 @@ impl Func for ModalFeatures {
 
     fn trial(rng: &mut Rng) -> (ModalFeaturesParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        let (f, d) = (rng.between(200.0, 2000.0), rng.between(5.0, 30.0));
-        let sample = |n: usize| {
-            let t = n as f64 / 8000.0;
-            (0.5 * (-d * t).exp() * (std::f64::consts::TAU * f * t).sin()) as f32
-        };
-        files.insert("hit.wav", trial_wav(&(0..4000).map(sample).collect::<Vec<_>>(), 8000));
+        files.insert("hit.wav", trial_impact(rng));
         files.insert("takes.csv", "file,object,material,support\nhit.wav,bar,steel,\"fingers, 2\"\n");
         let p = ModalFeaturesParams::trial(rng);
         let from_list = rng.below(2) == 0;

@@ -2,6 +2,7 @@
 
 use super::extract::{ExtractParams, extract};
 use super::onset::{impacts, loudest_impact};
+use super::trial::trial_impact;
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -9,7 +10,7 @@ use crate::core::params::{AssetPath, Params};
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::io::{MaxLength, RecordingParam, recording_warnings, trial_wav};
+use crate::io::{MaxLength, RecordingParam, recording_warnings};
 use crate::modal::mode::modes::Modes;
 use crate::{params, ports};
 
@@ -132,12 +133,7 @@ impl Func for ModalFromRecording {
 
     fn trial(rng: &mut Rng) -> (ModalFromRecordingParams, MemoryFiles) {
         let mut files = MemoryFiles::default();
-        let (f, d) = (rng.between(200.0, 2000.0), rng.between(5.0, 30.0));
-        let sample = |n: usize| {
-            let t = n as f64 / 8000.0;
-            (0.5 * (-d * t).exp() * (std::f64::consts::TAU * f * t).sin()) as f32
-        };
-        files.insert("hit.wav", trial_wav(&(0..4000).map(sample).collect::<Vec<_>>(), 8000));
+        files.insert("hit.wav", trial_impact(rng));
         let p = ModalFromRecordingParams::trial(rng);
         let params = ModalFromRecordingParams {
             recording: "hit.wav".into(),
@@ -155,6 +151,7 @@ mod tests {
     use super::*;
     use crate::core::params::Datum;
     use crate::core::standalone::{Standalone, StandaloneRun};
+    use crate::io::trial_wav;
 
     fn run(bytes: Vec<u8>) -> Result<StandaloneRun, Fault> {
         let path = Datum::Text("hit".into());

@@ -64,6 +64,11 @@ pub(crate) fn units<'a>(
     Ok(Units { allowed: check_tags(db, tags)?, ..Units::from(db) })
 }
 
+/// The fault of a database without units to choose from.
+pub(crate) fn no_unit() -> Fault {
+    Fault::new("F101", "there is no unit to choose from").at("database")
+}
+
 /// Warning about a database with no more units than `cool_off` excludes.
 pub(super) fn few_units_warning(units: &Units<'_>, look: usize, cool_off: usize) -> Option<String> {
     let whole = units.segments.iter().flat_map(|(start, len)| *start..start + len.saturating_sub(look));

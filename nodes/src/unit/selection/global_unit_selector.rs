@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use super::candidates::{comparable, few_units_warning, not_finite, units};
+use super::candidates::{comparable, few_units_warning, no_unit, not_finite, units};
 use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
 use super::global::{
@@ -277,18 +277,15 @@ impl Node for GlobalUnitSelector {
             channel_gate::target_look_ahead(features.format.conventions.unit, items),
         );
         s.ends(features.end);
-        let vectors = features.format.vectors;
-        let format = PickFormat { channels: vectors, conventions: Arc::clone(&features.format.conventions) };
-        s.output(GlobalUnitSelectorPorts::picks, features.rate, format);
+        s.output(GlobalUnitSelectorPorts::picks, features.rate, PickFormat::of(&features.format));
         Ok(())
     }
 
     fn build(p: &GlobalUnitSelectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let features = cx.input(GlobalUnitSelectorPorts::features);
         let db = cx.value(GlobalUnitSelectorPorts::database);
-        let none = || Fault::new("F101", "there is no unit to choose from").at("database");
         let units = units(&features.format, &db, &p.cost.tags)?;
-        let table = Table::new(&units).ok_or_else(none)?;
+        let table = Table::new(&units).ok_or_else(no_unit)?;
         let few_units = few_units_warning(&units, 0, p.cost.cool_off);
         let target = cx.optional(GlobalUnitSelectorPorts::target);
         let vectors = features.format.vectors;
@@ -344,14 +341,7 @@ impl Node for GlobalUnitSelector {
         let params = GlobalUnitSelectorParams {
             candidates: 1 + p.candidates % 30,
             lag: p.lag % 0.2,
-            cost: PathCostParams {
-                switch_cost: rng.between(0.0, 2.0),
-                d_max: rng.between(0.0, 9.0),
-                cool_off: p.cost.cool_off % 40,
-                loop_guard: rng.between(0.0, 0.1),
-                tags: Vec::new(),
-                ..p.cost
-            },
+            cost: p.cost.small(rng),
             ..p
         };
         (params, MemoryFiles::default())

@@ -18,7 +18,7 @@ pub mod selection_report;
 pub mod selector;
 pub mod unit_selector;
 
-pub(crate) use candidates::{check_tags, comparable, units};
+pub(crate) use candidates::{check_tags, comparable, no_unit, units};
 pub use greedy::selector;
 pub use picks::{Pick, PickFormat, Picks};
 pub use report::{ChannelReport, SelectionReport};

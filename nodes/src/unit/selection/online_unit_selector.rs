@@ -1,8 +1,6 @@
 //! Unit selection by the best path to the latest known unit, as a node.
 
-use std::sync::Arc;
-
-use super::candidates::{comparable, few_units_warning, not_finite, units};
+use super::candidates::{comparable, few_units_warning, no_unit, not_finite, units};
 use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
 use super::global::{FixedLag, PathCostParams, Table};
@@ -108,18 +106,15 @@ impl Node for OnlineUnitSelector {
             channel_gate::target_look_ahead(features.format.conventions.unit, lag),
         );
         s.ends(features.end);
-        let vectors = features.format.vectors;
-        let format = PickFormat { channels: vectors, conventions: Arc::clone(&features.format.conventions) };
-        s.output(OnlineUnitSelectorPorts::picks, features.rate, format);
+        s.output(OnlineUnitSelectorPorts::picks, features.rate, PickFormat::of(&features.format));
         Ok(())
     }
 
     fn build(p: &OnlineUnitSelectorParams, cx: &Build<'_>) -> Result<Self, Fault> {
         let features = cx.input(OnlineUnitSelectorPorts::features);
         let db = cx.value(OnlineUnitSelectorPorts::database);
-        let none = || Fault::new("F101", "there is no unit to choose from").at("database");
         let units = units(&features.format, &db, &p.cost.tags)?;
-        let table = Table::new(&units).ok_or_else(none)?;
+        let table = Table::new(&units).ok_or_else(no_unit)?;
         let path = p.cost.global(features.rate.as_f64());
         let (lag, dims) = (lag(p, features.rate), db.dims());
         let channel =
@@ -189,18 +184,7 @@ impl Node for OnlineUnitSelector {
 
     fn trial(rng: &mut Rng) -> (OnlineUnitSelectorParams, MemoryFiles) {
         let p = OnlineUnitSelectorParams::trial(rng);
-        let params = OnlineUnitSelectorParams {
-            lag: rng.between(0.0, 0.1),
-            cost: PathCostParams {
-                switch_cost: rng.between(0.0, 2.0),
-                d_max: rng.between(0.0, 9.0),
-                cool_off: p.cost.cool_off % 40,
-                loop_guard: rng.between(0.0, 0.1),
-                tags: Vec::new(),
-                ..p.cost
-            },
-            ..p
-        };
+        let params = OnlineUnitSelectorParams { lag: rng.between(0.0, 0.1), cost: p.cost.small(rng), ..p };
         (params, MemoryFiles::default())
     }
 }

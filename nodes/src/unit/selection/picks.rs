@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::core::item::Item;
 use crate::core::random::Rng;
-use crate::feature::FeatureConventions;
+use crate::feature::{FeatureConventions, FeatureFormat};
 
 /// One chosen unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -47,6 +47,14 @@ pub struct PickFormat {
     pub channels: usize,
     /// Conventions of the features that the picks were chosen by.
     pub conventions: Arc<FeatureConventions>,
+}
+
+impl PickFormat {
+    /// The format of the picks for a target of features.
+    #[must_use]
+    pub fn of(features: &FeatureFormat) -> Self {
+        Self { channels: features.vectors, conventions: Arc::clone(&features.conventions) }
+    }
 }
 
 impl Item for Picks {

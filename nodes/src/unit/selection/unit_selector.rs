@@ -1,8 +1,6 @@
 //! Unit selection as a node.
 
-use std::sync::Arc;
-
-use super::candidates::{allowed, comparable, few_units_warning, not_finite, units};
+use super::candidates::{allowed, comparable, few_units_warning, no_unit, not_finite, units};
 use super::channel_gate::{self, ChannelGates};
 use super::counts::Counts;
 use super::greedy::selector;
@@ -217,8 +215,7 @@ impl Node for UnitSelector {
         s.ends(features.end);
         let (past, ahead) = if p.causal { (p.look, 0) } else { (0, p.look) };
         s.lookaround(UnitSelectorPorts::features, past, ahead);
-        let format = PickFormat { channels: format.vectors, conventions: Arc::clone(&format.conventions) };
-        s.output(UnitSelectorPorts::picks, features.rate, format);
+        s.output(UnitSelectorPorts::picks, features.rate, PickFormat::of(format));
         Ok(())
     }
 
@@ -252,9 +249,8 @@ impl Node for UnitSelector {
             |selector| Channel { selector, window: Vec::new(), picks: Vec::new(), counts: Counts::default() };
         let channels: Option<Vec<Channel>> =
             selectors.map(|selectors| selectors.into_iter().map(channel).collect());
-        let none = || Fault::new("F101", "there is no unit to choose from").at("database");
         Ok(Self {
-            channels: channels.ok_or_else(none)?,
+            channels: channels.ok_or_else(no_unit)?,
             look: p.look,
             causal: p.causal,
             dims: db.dims(),

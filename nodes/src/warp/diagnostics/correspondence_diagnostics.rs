@@ -12,7 +12,7 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Ends, Shape};
 use crate::feature::Features;
 use crate::io::{AudioWriter, Dither, WriteFormat, WriteSpec};
-use crate::unit::selection::{comparable, units};
+use crate::unit::selection::{comparable, no_unit, units};
 use crate::unit::{Blend, Concatenator, SelectorParams, UnitDatabase};
 use crate::warp::correspondence::target_features::{TargetFeatures, checked};
 use crate::warp::correspondence::{CorrespondenceSet, Pairing};
@@ -117,7 +117,7 @@ impl CorrespondenceDiagnostics {
         };
         let units = units(&target.format, &target.database, &p.tags)?;
         let found = Baseline::new(target.vector(vector), all, &units, params).map_err(not_finite)?;
-        found.ok_or_else(|| Fault::new("F101", "there is no unit to choose from").at("database"))
+        found.ok_or_else(no_unit)
     }
 
     fn channel(

@@ -2,6 +2,7 @@ use super::*;
 use crate::core::item::Data;
 use crate::core::params::Datum;
 use crate::core::standalone::{Standalone, StandaloneRun};
+use crate::io::trial_wav;
 
 fn run(sounds: &[Vec<f32>], split: &'static str) -> Result<StandaloneRun, Fault> {
     let names: Vec<String> = (0..sounds.len()).map(|k| format!("{k}.wav")).collect();

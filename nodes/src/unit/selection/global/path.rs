@@ -1,6 +1,7 @@
 //! Paths through the units of a database, and their costs.
 
 use crate::core::params::Text;
+use crate::core::random::Rng;
 use crate::params;
 
 params! {
@@ -35,6 +36,18 @@ pub struct GlobalParams {
 }
 
 impl PathCostParams {
+    /// Costs that suit small trials, over all recordings.
+    pub(in crate::unit::selection) fn small(self, rng: &mut Rng) -> Self {
+        Self {
+            switch_cost: rng.between(0.0, 2.0),
+            d_max: rng.between(0.0, 9.0),
+            cool_off: self.cool_off % 40,
+            loop_guard: rng.between(0.0, 0.1),
+            tags: Vec::new(),
+            ..self
+        }
+    }
+
     /// The costs for targets at a rate in units per second.
     #[must_use]
     pub(in crate::unit) fn global(&self, rate: f64) -> GlobalParams {

@@ -6,6 +6,7 @@ use crate::core::standalone::Standalone;
 use crate::core::time::{Rate, ticks};
 use crate::feature::{FeatureConventions, FeatureFormat};
 use crate::unit::{Segment, UnitSource};
+use std::sync::Arc;
 
 /// 100 units of 80 samples per second.
 const RATE: Rate = Rate::hz(100);
