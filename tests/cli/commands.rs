@@ -1,7 +1,7 @@
 //! The command as a user types it: outputs, exit codes, messages.
 
+use super::command::foley;
 use std::fs;
-use std::path::Path;
 use std::process::{Command, Output};
 
 const TONE: &str = "#![schema = \"foley:graph/1\"]
@@ -14,15 +14,6 @@ Graph(
     },
 )
 ";
-
-fn foley(dir: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_foley"))
-        .args(args)
-        .current_dir(dir)
-        .env("NO_COLOR", "1")
-        .output()
-        .unwrap()
-}
 
 fn code(output: &Output) -> i32 {
     output.status.code().unwrap_or(-1)

@@ -1,5 +1,6 @@
 //! The command line as a user runs it, and its messages.
 
+mod command;
 mod commands;
 mod diagnostics;
 mod fixes;

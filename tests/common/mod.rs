@@ -103,11 +103,7 @@ pub fn run_graph_cached(
     memo: Option<&Memo>,
     out: &Path,
 ) -> Result<Report, String> {
-    let report = run_cached(graph, files, options, &[], memo, out)?;
-    let (there, planned) = (report.buffer_bytes, report.planned_bytes);
-    let title = &graph.title;
-    assert!(there <= planned, "{title}: {there} bytes of buffers, planned {planned}");
-    Ok(report)
+    run_cached(graph, files, options, &[], memo, out).map(within_plan)
 }
 
 /// The same with taps, `NODE.PORT=FILE` each, whose files land in the same folder.
@@ -118,10 +114,14 @@ pub fn run_tapped(
     taps: &[String],
     out: &Path,
 ) -> Result<Report, String> {
-    let report = run_unmeasured(graph, files, options, taps, out)?;
-    let (there, planned) = (report.buffer_bytes, report.planned_bytes);
-    assert!(there <= planned, "{there} bytes of buffers, planned {planned}");
-    Ok(report)
+    run_unmeasured(graph, files, options, taps, out).map(within_plan)
+}
+
+/// The report of a run whose buffers have no more bytes than planned.
+fn within_plan(report: Report) -> Report {
+    let Report { title, buffer_bytes: there, planned_bytes: planned, .. } = &report;
+    assert!(there <= planned, "{title}: {there} bytes of buffers, planned {planned}");
+    report
 }
 
 /// The same without a check of the buffers: those of events may outgrow the plan.
