@@ -1,8 +1,7 @@
 //! The part of a phase that has to run, where results of earlier runs are cached.
 
-use super::Job;
-use super::Values;
 use super::cached_streams::{CachedStreams, Outputs, PendingStream};
+use super::{Job, Values};
 use crate::graph::{Graph, Link};
 use crate::memo::stream::Codec;
 use crate::memo::{self, CachedStream, NodeSummary, RunCache};

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::time::Duration;
 
 fn graph(name: &str) -> PathBuf {
@@ -16,6 +16,21 @@ fn foley(args: &[&str], folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
     command.args(args).current_dir(folder).env("NO_COLOR", "1").stdin(Stdio::null());
     command
+}
+
+/// Plays a graph for three seconds into `played.wav`, with a report in `r.json`: the process, its lines, and its port for OSC.
+fn play_three_seconds(text: &str, folder: &Path) -> (Child, ChildStdin, u16) {
+    std::fs::write(folder.join("main.ron"), text).unwrap();
+    // A port that is free now; another process may take it before foley does, but hardly ever.
+    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let args =
+        ["live", "main.ron", "--device", "file:played.wav", "--for", "3", "--report", "r.json", "--osc"];
+    let mut command = foley(&args, folder);
+    let mut child =
+        command.arg(port.to_string()).stdin(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let lines = child.stdin.take().unwrap();
+    std::thread::sleep(Duration::from_millis(700));
+    (child, lines, port)
 }
 
 fn samples(path: &Path) -> (Vec<f32>, u32) {
@@ -33,16 +48,7 @@ fn blows_from_lines_and_from_osc_are_heard_in_the_file_that_was_played() {
         \"hits\": LiveImpacts(channel: \"hits\"),
         \"force\": ImpactForce(impacts: \"hits\", rate: 44100),
         \"out\": WavOut(audio: \"force\", path: \"o.wav\") })";
-    std::fs::write(folder.path().join("main.ron"), text).unwrap();
-    // A port that is free now; another process may take it before foley does, but hardly ever.
-    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let args =
-        ["live", "main.ron", "--device", "file:played.wav", "--for", "3", "--report", "r.json", "--osc"];
-    let mut command = foley(&args, folder.path());
-    let mut child =
-        command.arg(port.to_string()).stdin(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
-    let mut lines = child.stdin.take().unwrap();
-    std::thread::sleep(Duration::from_millis(700));
+    let (mut child, mut lines, port) = play_three_seconds(text, folder.path());
     lines.write_all(b"{\"impact\": \"hits\", \"velocity\": 2.0}\nwrong\n").unwrap();
     lines.flush().unwrap();
     std::thread::sleep(Duration::from_millis(600));
@@ -86,15 +92,7 @@ fn contacts_from_lines_and_from_osc_strike_and_end_when_their_sender_stalls() {
         \"contacts\": ContactClassifier(contacts: \"sent\", struck: B),
         \"force\": ImpactForce(impacts: \"contacts.impacts\", rate: 44100),
         \"out\": WavOut(audio: \"force\", path: \"o.wav\") })";
-    std::fs::write(folder.path().join("main.ron"), text).unwrap();
-    let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let args =
-        ["live", "main.ron", "--device", "file:played.wav", "--for", "3", "--report", "r.json", "--osc"];
-    let mut command = foley(&args, folder.path());
-    let mut child =
-        command.arg(port.to_string()).stdin(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
-    let mut lines = child.stdin.take().unwrap();
-    std::thread::sleep(Duration::from_millis(700));
+    let (mut child, mut lines, port) = play_three_seconds(text, folder.path());
     // Two bodies land in one frame.
     let body = |id: u32| {
         format!(
