@@ -98,7 +98,7 @@ pub fn live_graph(path: &Path, options: &LoadOptions) -> LiveGraph {
     LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
 }
 
-/// What a graph took while it played on a clock without a card.
+/// A graph that played on a clock without a card, and its times.
 pub struct Played {
     player: Player,
     /// Times of the nodes before the clock began.

@@ -240,7 +240,7 @@ pub fn template(name: &str) -> Vec<(String, String)> {
     project(name, Template::Wind, &OwnFiles::default()).into_iter().filter_map(text).collect()
 }
 
-/// What is wrong with the files of the user: none of them may be missing, and none may take the place of another.
+/// Reason for which the files of the user are refused: one is missing, or would replace another; `None` if all are right.
 fn refused(own: &OwnFiles, template: Template, files: &[(String, Content)]) -> Option<String> {
     if let [option, ..] = own.unused(template)[..] {
         let name = template.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());

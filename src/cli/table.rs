@@ -39,7 +39,7 @@ fn entry(graph: &Graph, report: Option<&Report>, n: usize, field: &str) -> Optio
     })
 }
 
-/// What a node has, for a column that names something else.
+/// Names of the columns that a node has, for the message about an unknown one.
 fn known(graph: &Graph, report: Option<&Report>, n: usize) -> String {
     let params = graph.nodes[n].params.write().into_iter().map(|(name, _)| name.to_owned());
     let reported = report.and_then(|report| report.nodes.get(n));

@@ -9,7 +9,7 @@ use crate::lang::edit::{TextEdit, insert_entry_before, set_field};
 pub struct Fix {
     /// Its description, such as ``write `Gain` ``.
     pub title: String,
-    /// What changes in the text; all changes are in one file.
+    /// Changes of the text, all in one file.
     pub changes: Vec<Change>,
 }
 

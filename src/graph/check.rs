@@ -418,7 +418,7 @@ fn missing_assets(
 /// Bytes of a text that may begin with a number.
 const MAX_NUMBER: usize = 32;
 
-/// What a text stands for where a number, a rate or a choice is wanted: `"48 kHz"` for 48000.
+/// Interprets a text in place of a number, a rate or a choice: `"48 kHz"` is 48000.
 ///
 /// Returns the value, and the text that explains it.
 fn meant(text: &str, spec: &ParamSpec) -> Option<(String, String)> {

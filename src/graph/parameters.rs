@@ -27,7 +27,7 @@ fn is_required(value: &Value) -> bool {
     }
 }
 
-/// What a required parameter is, in the words of its graph.
+/// Description of a required parameter, as the graph states it.
 fn required_words(value: &Value) -> Option<&str> {
     match &value.value {
         ValueKind::NamedTuple(_, items) => items.first()?.as_str(),

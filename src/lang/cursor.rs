@@ -33,7 +33,7 @@ pub struct Frame {
     current: Option<Key>,
 }
 
-/// What can stand at a cursor.
+/// Kind of element that is valid at a cursor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Slot {
     /// An element, a key or the name of a field begins here.
@@ -49,7 +49,7 @@ pub enum Slot {
 pub struct Cursor {
     /// The open brackets, the outermost first.
     pub frames: Vec<Frame>,
-    /// What can stand here.
+    /// Kind of element that is valid here.
     pub slot: Slot,
     /// The word, number or text that the cursor is in or at the end of.
     pub word: Option<Word>,

@@ -1,4 +1,4 @@
-//! What can be typed at a place: node types, fields, values, links and files.
+//! Completion: node types, fields, values, links and files.
 
 use super::context::{At, Context, doc, port_line};
 use super::formats::{FORMATS, Format};
@@ -36,8 +36,8 @@ const MAX_FILES: usize = 4000;
 /// Maximum depth of sub-graphs whose nodes are offered.
 const MAX_DEPTH: usize = 3;
 
-/// What can stand at the cursor, of what has the typed letters in their order. Of very many the first are offered, and the editor asks
-/// again when more is typed.
+/// Returns the completions at a cursor that contain the typed letters in their order. Of very many the first are returned, marked as
+/// incomplete, so that the editor requests them again when more is typed.
 #[must_use]
 pub fn complete(context: &Context<'_>, at: At<'_>) -> CompletionList {
     let Some(cursor) = Cursor::at(&at.file.text, at.offset) else { return CompletionList::default() };

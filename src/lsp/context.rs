@@ -1,4 +1,4 @@
-//! What requests of an editor are answered from.
+//! Data from which requests of an editor are answered.
 
 use super::analysis::{Analysis, NodeFacts, StreamFacts};
 use super::file::TextFile;
@@ -36,7 +36,7 @@ pub struct At<'a> {
 }
 
 impl Context<'_> {
-    /// What is known of a node of a file: from the analysis of the file, or of an open graph that uses it.
+    /// Facts about a node of a file: from the analysis of the file, or of an open graph that uses it.
     #[must_use]
     pub fn facts(&self, path: &Path, id: &str) -> Option<&NodeFacts> {
         let own = self.analyses.get(path).and_then(|analysis| analysis.nodes.get(id));

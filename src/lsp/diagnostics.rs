@@ -133,7 +133,7 @@ impl Places<'_> {
         out
     }
 
-    /// Where the graph uses the sub-graph of a location.
+    /// Range in which the graph uses the sub-graph of a location.
     fn used_at(&self, at: &SourceLocation, node: Option<&str>) -> Range {
         let (file, path) = (self.file, self.path(at));
         let names_it =

@@ -49,7 +49,7 @@ impl Format {
         FORMATS.iter().find(|format| format.name == kind)
     }
 
-    /// What the reader rejects in a text: the first mistake, or those of all records, and its location.
+    /// The first mistake that the reader finds in a text, or those of all records, with its location.
     #[must_use]
     pub fn mistake(&self, file: &TextFile) -> Option<(Span, String)> {
         let TextError { location, message } = (self.check)(&file.text).err()?;

@@ -1,4 +1,4 @@
-//! What a word stands for: documentation, values, rates and formats.
+//! Hover texts of a word: documentation, values, rates and formats.
 
 use super::context::{At, Context, doc, port_line};
 use super::file::{NodeText, TextFile};

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Maximum depth of sub-graphs that are followed.
 const MAX_DEPTH: usize = 16;
 
-/// What a name stands for.
+/// Referent of a name.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Target {
     /// A node: its file and its id in it.
@@ -34,7 +34,7 @@ pub enum Target {
 pub struct Occurrence {
     /// Its location, without quotes.
     pub span: Span,
-    /// What it stands for.
+    /// Its referent.
     pub target: Target,
     /// True where it is declared.
     pub declares: bool,

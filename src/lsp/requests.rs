@@ -190,7 +190,7 @@ impl Requests<'_> {
         Some(Location { uri: uri(self.context.workspace, path)?, range: file.range(&found.span) })
     }
 
-    /// Where a target is declared.
+    /// Declaration of a target.
     fn declaration(&self, target: &Target) -> Option<Location> {
         let at = |path: &PathBuf, span: Option<crate::lang::Span>| {
             let file = self.context.workspace.file(path)?;

@@ -36,7 +36,7 @@ pub fn mistakes(file: &TextFile) -> Vec<(Span, String)> {
     TestFile::mistakes(&file.text).into_iter().map(place).collect()
 }
 
-/// What can be typed at a cursor in a test file.
+/// Completions at a cursor in a test file.
 #[must_use]
 pub fn suggestions(cursor: &Cursor) -> Vec<Suggestion> {
     let field = |&(name, value, doc): &(&'static str, &str, &'static str)| Suggestion {

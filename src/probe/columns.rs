@@ -69,7 +69,7 @@ pub struct Row {
     pub time: f64,
     /// Its first numbers.
     pub numbers: Vec<f32>,
-    /// How many more there are.
+    /// Count of the other numbers.
     pub more: usize,
 }
 

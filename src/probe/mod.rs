@@ -1,4 +1,4 @@
-//! What comes out of one output of a graph: figures, the first items, and a drawing.
+//! Probes of one output of a graph: figures, the first items, and a drawing.
 //!
 //! A [`Probe`] observes the output while the graph runs, and holds statistics instead of the data.
 
@@ -53,7 +53,7 @@ enum State {
     Value(AnyValue),
 }
 
-/// What came out of an output.
+/// Figures of an output.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Figures {

@@ -1,4 +1,4 @@
-//! How to lower a sound that exceeds full scale.
+//! Advice on the level of a sound that exceeds full scale or is too soft.
 
 use super::report::NodeReport;
 use crate::graph::Graph;
@@ -44,7 +44,7 @@ pub fn notes(graph: &Graph, reports: &[NodeReport]) -> Vec<(String, String)> {
     reports.iter().enumerate().filter(|(_, node)| node.sink).filter_map(note).collect()
 }
 
-/// Says how to lower the sound that a node without outputs, such as `WavOut`, gets, so that its peak is -1 dB of full scale.
+/// Advice on how to lower the sound that a node without outputs, such as `WavOut`, receives, so that its peak is -1 dB of full scale.
 pub fn advice(graph: &Graph, sink: usize, sound: Loudness) -> String {
     let above = linear_to_db(sound.peak);
     let change = PEAK_DB - above;
@@ -61,7 +61,7 @@ pub fn advice(graph: &Graph, sink: usize, sound: Loudness) -> String {
     format!("its peak is {above:.1} dB above full scale: {lower}{limiter}")
 }
 
-/// Says how to raise a sound of which hardly anything is heard; `None` for silence, which has another reason, and for louder sounds.
+/// Advice on how to raise a sound that is hardly audible; `None` for louder sounds, and for silence, which has other reasons.
 fn too_soft(graph: &Graph, sink: usize, peak: f64) -> Option<String> {
     let level = linear_to_db(peak);
     if peak <= 0.0 || level >= SOFT_DB {

@@ -12,7 +12,7 @@ use std::any::Any;
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What receives an output of any type, in the order of time.
+/// Receives the items of an output of any type, in the order of time.
 pub trait Observer: Debug + Send + 'static {
     /// A stream of this shape, or events, are about to come.
     fn begin(&mut self, kind: PortKind, shape: Option<&StreamShape>);

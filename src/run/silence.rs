@@ -106,7 +106,7 @@ pub fn losses(
     search.notes.into_iter().map(|(n, _, text)| (n, text)).collect()
 }
 
-/// What is silent.
+/// Part of a node that is silent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Lost {
     /// A node with all its outputs.
@@ -130,7 +130,7 @@ impl<'a> Search<'a> {
         Self { graph, reports, period, activity, visited: BTreeSet::new(), notes: Vec::new() }
     }
 
-    /// What a node says about its silence.
+    /// Reason that a node reports for its silence.
     fn reason(&self, n: usize) -> Option<&str> {
         if self.period == Period::Stretch {
             return None;
@@ -200,7 +200,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// What can be said of any node: what it read, and its figures.
+    /// Reason that applies to any node: its inputs, and its figures.
     fn generic(&self, n: usize, heard: &[(&str, Output)]) -> String {
         let node = &self.graph.nodes[n];
         if node.ty.family == "live" {

@@ -42,7 +42,7 @@ pub struct BuildSite<'a> {
     pub seed: u64,
     /// Watches long computations.
     pub monitor: &'a Monitor<'a>,
-    /// What interrupted computations left.
+    /// Partial results of interrupted computations.
     pub partial: &'a dyn Partial,
 }
 

@@ -1,4 +1,4 @@
-//! What is known of a graph without running it.
+//! Facts about a graph that are known without running it.
 
 use super::Errors;
 use crate::graph::{Asked, Graph};

@@ -344,7 +344,7 @@ impl Session {
         self.inspect().errors
     }
 
-    /// What [`Session::check`] finds, with the graph itself, or its valid part, and the shapes of its nodes: for editors.
+    /// Results of [`Session::check`], with the graph itself or its valid part, and the shapes of its nodes: for editors.
     #[must_use]
     pub fn inspect(&self) -> Inspection {
         let (loaded, files, mut shapes) = self.load_shaped();

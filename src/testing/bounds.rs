@@ -20,7 +20,7 @@ impl Bounds {
     /// The number or range of a value: `3`, `3..5`, `3..=5`, `..-1.0`, `0.5..`.
     ///
     /// # Errors
-    /// What would be right.
+    /// A text that states which values are valid.
     pub fn read(value: &Value) -> Result<Self, String> {
         if let Some(x) = value.as_f64() {
             return Ok(Self { low: Some(x), high: Some(x), below: false });

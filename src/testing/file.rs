@@ -38,11 +38,11 @@ pub struct Case {
     pub seed: Option<u64>,
     /// End of the run, s.
     pub until: Option<f64>,
-    /// What is expected of each output.
+    /// Expectations of each output.
     pub outputs: Vec<Expected>,
 }
 
-/// What is expected of an output.
+/// Expectations of an output.
 #[derive(Clone, Debug)]
 pub struct Expected {
     /// A file that the graph writes, or `NODE.PORT`.

@@ -1,4 +1,4 @@
-//! What came out of an output, as a whole.
+//! The whole content of an output.
 
 use crate::run::Observer;
 use foley_nodes::core::item::{AnyValue, StreamShape};
@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::io::Cursor;
 use std::path::Path;
 
-/// What came out of an output.
+/// The whole content of an output.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Recording {
     /// Audio.
@@ -163,7 +163,7 @@ impl Recorder {
         Self(None)
     }
 
-    /// What has come.
+    /// The content so far.
     #[must_use]
     pub fn recording(&self) -> Recording {
         match &self.0 {

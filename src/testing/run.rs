@@ -20,7 +20,7 @@ const OTHER_WINDOW: f64 = 0.0071;
 /// Settings of all cases.
 #[derive(Clone, Debug)]
 pub struct Runner {
-    /// How graphs are loaded.
+    /// Options with which graphs are loaded.
     pub options: LoadOptions,
     /// Threads that compute; all cores if `None`.
     pub threads: Option<usize>,
@@ -41,7 +41,7 @@ impl From<Errors> for CaseError {
     }
 }
 
-/// What a check would store.
+/// Content that a check stores.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stored {
     /// A digest in the test file: the place of its check, and the digest.
@@ -61,11 +61,11 @@ pub struct CheckResult {
     pub span: Span,
     /// The result.
     pub verdict: Verdict,
-    /// What `--write` would store, if that is something else than what is stored.
+    /// Content that `--write` would store, if it differs from the stored content.
     pub stored: Option<Stored>,
 }
 
-/// Where the content of an output comes from.
+/// Source of the content of an output.
 #[derive(Clone, Debug)]
 enum Source {
     /// A file of the graph: the node that writes it, and its path.

@@ -22,9 +22,9 @@ const MAX_TIMES: usize = 12;
 pub struct Verdict {
     /// True if it holds.
     pub passed: bool,
-    /// What was found.
+    /// The measured value.
     pub found: String,
-    /// What was expected.
+    /// The expected value.
     pub expected: String,
 }
 

@@ -24,7 +24,7 @@ use std::process::Command;
 pub struct Block {
     /// `PAGE:LINE`, for messages.
     pub at: String,
-    /// What the comment before it says.
+    /// Directive of the comment before it.
     pub mark: Mark,
     pub language: String,
     pub text: String,
@@ -38,7 +38,7 @@ impl Block {
     }
 }
 
-/// What a comment says of a block.
+/// Directive of a comment for a block.
 #[derive(Clone, PartialEq)]
 pub enum Mark {
     None,

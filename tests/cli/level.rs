@@ -11,7 +11,7 @@ Graph(nodes: {
 })
 ";
 
-/// What `foley run` prints about the graph with values that are set, and the peak of its sound.
+/// Output of `foley run` on the graph with values that are set, and the peak of its sound.
 fn run(out: &str, sets: &[&str]) -> (String, f64) {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("g.ron"), GRAPH.replace("NODE", out)).unwrap();

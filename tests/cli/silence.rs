@@ -1,4 +1,4 @@
-//! What is silent throughout a run says why, in the words of the run.
+//! Tests that nodes that are silent throughout a run report the reason, in the same words as the run.
 
 use std::fmt::Write as _;
 use std::fs;

@@ -1,6 +1,6 @@
 //! The cloth graphs of the book's examples on every animation and every recording of cloth in the data beside the repository.
 //!
-//! What is not there is skipped. Those that take longer than half a minute run on demand:
+//! Files that are missing are skipped. Tests that take longer than half a minute run on demand:
 //! `cargo test --release --test suite cloth::data -- --include-ignored --nocapture`
 
 use crate::common::{foley, graphs, shared, wav};

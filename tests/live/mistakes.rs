@@ -18,7 +18,7 @@ Graph(params: { \"object\": None }, nodes: {
 })
 ";
 
-/// What a session has printed on standard output and standard error, and its report.
+/// Standard output and standard error of a session, and its report.
 struct Told {
     out: String,
     err: String,

@@ -69,7 +69,7 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
-/// What plays, and those that send to it.
+/// A playing graph, and the programs that send to it.
 struct Stage<'a> {
     folder: &'a Path,
     child: Child,
@@ -199,10 +199,10 @@ impl Stage<'_> {
     }
 }
 
-/// What a piece has left.
+/// Results of a piece.
 struct Outcome {
     samples: Vec<f32>,
-    /// What it wrote to standard error.
+    /// Its standard error.
     told: String,
     report: serde_json::Value,
     /// Seconds, and MB in memory then.

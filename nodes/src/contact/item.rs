@@ -182,6 +182,6 @@ per_vertex! {
 }
 
 per_vertex! {
-    /// How firmly each vertex of a cloth presses on what it touches, relative to a light contact; 0 without contact.
+    /// Contact pressure of each vertex of a cloth, relative to a light contact; 0 without contact.
     Pressures, "pressures"
 }

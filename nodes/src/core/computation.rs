@@ -1,4 +1,4 @@
-//! What a long computation may use: progress, partial results, and threads beside the graph.
+//! Services for long computations: progress, partial results, and threads beside the graph.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub fn unmonitored(_: f64) -> bool {
 /// They belong to the content of all inputs and parameters of a node. A value node that takes minutes loads them when it begins, and offers
 /// what it has whenever a part of the work is done, and when it is stopped.
 pub trait Partial: Sync {
-    /// What was stored last, if the computation did not come to its end.
+    /// The partial result that was stored last, if the computation was interrupted.
     fn load(&self) -> Option<Vec<u8>>;
 
     /// Offers what is done so far. It is encoded and stored, in place of what was stored before, when enough time has passed. A failure is not

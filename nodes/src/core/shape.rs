@@ -367,7 +367,7 @@ pub struct Build<'a> {
     pub inputs: &'a dyn Inputs,
     /// Watches a long computation.
     pub monitor: &'a Monitor<'a>,
-    /// What an interrupted computation of the same value left.
+    /// Partial result of an interrupted computation of the same value.
     pub partial: &'a dyn Partial,
     /// Runs work beside the graph.
     pub background: &'a Background,

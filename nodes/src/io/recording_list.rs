@@ -18,7 +18,7 @@ pub(crate) struct ListedRecording<E> {
     pub field: String,
     /// Its path.
     pub path: String,
-    /// What the manifest states of it; the default for other recordings.
+    /// Its entry in the manifest; the default for other recordings.
     pub entry: E,
 }
 

@@ -23,7 +23,7 @@ pub(crate) struct Whole {
     pub channels: Vec<Vec<f32>>,
     /// Its own samples, interleaved.
     pub samples: Vec<f32>,
-    /// What is known of it.
+    /// Properties of the file.
     pub info: AudioInfo,
 }
 

@@ -17,7 +17,7 @@ const PLACES: usize = 100;
 /// Least tolerance of a range in dB, and of one of kurtosis, relative.
 const TOLERANCE: (f64, f64) = (0.5, 0.1);
 
-/// What is known of a sound, and the rules of the search for repeats.
+/// Known properties of a sound, and the rules of the search for repeats.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LikenessRules {
     /// The search for repeats.

@@ -133,7 +133,7 @@ pub struct Likeness {
     pub statistics: Vec<Statistic>,
     /// Share of the statistics that are within their range.
     pub within_share: Option<f64>,
-    /// What could not be measured, and why.
+    /// Measurements that are missing, and why.
     pub notes: Vec<String>,
     /// Curves of the figure.
     pub charts: Vec<Chart>,

@@ -566,7 +566,7 @@ pub struct LikenessArgs {
 pub struct NewArgs {
     /// The folder to make; its name becomes that of the graph
     pub dir: PathBuf,
-    /// What the project is about [default: what the given files are for, or wind]
+    /// Subject of the project [default: that of the given files, or wind]
     #[arg(long, value_name = "NAME")]
     pub template: Option<Template>,
     /// Files of the user.

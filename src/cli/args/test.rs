@@ -40,7 +40,7 @@ pub struct TestArgs {
 }
 
 impl TestArgs {
-    /// How the graphs are loaded.
+    /// Options with which the graphs are loaded.
     #[must_use]
     pub fn load_options(&self, registry: &Arc<Registry>) -> LoadOptions {
         load_options(registry, &[], &self.allow_read, &self.limits)

@@ -377,7 +377,7 @@ impl Session<'_> {
         }
     }
 
-    /// Says how to lower the sound that was played.
+    /// Advice on how to lower the sound that was played.
     pub(super) fn advice(&self) -> String {
         let shared = self.player.shared();
         let samples = shared.window.load(Relaxed) * self.settings.device.quantum as u64;

@@ -193,7 +193,7 @@ fn container_at(parse: &Parse, span: &Span) -> Result<(Brackets, Vec<Span>), Edi
     found.ok_or_else(|| EditError::NoValue(span.clone()))
 }
 
-/// What follows an item on its line.
+/// Text that follows an item on its line.
 struct After {
     /// End of the comma after the item.
     comma: Option<usize>,

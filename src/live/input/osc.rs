@@ -86,7 +86,7 @@ fn impact(numbers: &[f64]) -> Option<Impact> {
     impact.is_valid().then_some(impact)
 }
 
-/// What the arguments of a message have to be.
+/// Arguments that a message requires.
 fn wanted(kind: MessageKind) -> &'static str {
     match kind {
         MessageKind::Impact => {

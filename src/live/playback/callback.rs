@@ -89,7 +89,7 @@ pub struct RegionSurvey {
     pub graph: u64,
     /// The region; `None` for that of the callback.
     pub region: Option<usize>,
-    /// What its nodes have done.
+    /// Activity or levels of its nodes.
     pub survey: Survey,
 }
 
@@ -101,7 +101,7 @@ pub enum Reply {
     Retuned(Retunes),
     /// The node that was replaced.
     Renewed(Box<dyn DynNode>),
-    /// What the nodes have done.
+    /// The survey of the nodes of a region.
     Surveyed(Box<RegionSurvey>),
     /// The output of the node with this index is not finite, and silenced.
     NotFinite(usize),

@@ -210,7 +210,7 @@ impl Workers {
         }
     }
 
-    /// Asks what the nodes of a region have done; the answer comes by [`take_survey`](Self::take_survey).
+    /// Requests a survey of the nodes of a region; [`take_survey`](Self::take_survey) returns it.
     pub fn survey(&mut self, number: usize, mut survey: Box<RegionSurvey>) {
         if let Some(region) = self.local.iter_mut().find(|r| r.number == number) {
             region.stage.survey(&mut survey.survey);

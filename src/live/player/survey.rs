@@ -116,7 +116,7 @@ impl Player {
         }
     }
 
-    /// Asks all regions what their nodes have done, and to record it from now on, or not.
+    /// Requests the activity of the nodes of all regions, and sets if it is recorded from now on.
     fn request_survey(&mut self, record: bool) {
         self.surveys.answers.clear();
         self.surveys.requests += 1;

@@ -17,7 +17,7 @@ pub enum Silence {
     Off,
     /// It reads one object, and nothing was of that.
     NoObject {
-        /// What it reads, in the singular.
+        /// Name of what it reads, in the singular.
         item: &'static str,
         /// The object.
         object: u32,

@@ -36,7 +36,7 @@ pub struct NodeTime {
     pub calls: u64,
 }
 
-/// What the nodes of a stage have done, taken by [`Stage::survey`].
+/// Activity or levels of the nodes of a stage, taken by [`Stage::survey`].
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
     /// `None` for a survey of levels.
@@ -164,7 +164,7 @@ impl Stage {
         self.guarded = guarded;
     }
 
-    /// Tells all nodes whether the windows from now on are late: see [`Node::set_late`](crate::core::node::Node::set_late).
+    /// Sets if the windows from now on are late, for all nodes: see [`Node::set_late`](crate::core::node::Node::set_late).
     pub fn set_late(&mut self, late: bool) {
         self.nodes.iter_mut().for_each(|n| n.node.set_late(late));
     }

@@ -1,4 +1,4 @@
-//! Where grains occur in recordings.
+//! Correlation patterns: the occurrences of grains in recordings.
 
 use crate::core::item::Data;
 use crate::core::node::Summary;

@@ -4,7 +4,7 @@ use super::bounds::SEGMENT;
 use super::transform::{Blocks, Buffers};
 use crate::dsp::db_to_linear;
 
-/// What a correlation is divided by, and when it is 0.
+/// Norms by which correlations are divided, and the floor below which a correlation is 0.
 #[derive(Clone, Debug)]
 pub struct Normaliser {
     /// Sum of the squares of the samples before each.

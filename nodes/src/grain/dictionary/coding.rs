@@ -1,6 +1,6 @@
 //! Coding of samples in files.
 
-/// How samples are coded in a file.
+/// Coding of samples in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Coding {

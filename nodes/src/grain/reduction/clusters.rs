@@ -4,7 +4,7 @@ use super::similarity::SimilarPair;
 use crate::grain::correlation::{CorrelationPatterns, Pattern, Peak, stored_correlation, stored_gain};
 use crate::grain::dictionary::GrainDictionary;
 
-/// What stands for a grain.
+/// The grain that replaces another, with its shift and gain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Substitute {
     /// Index of the grain that stands for it; its own if it is the leader of its cluster.

@@ -14,7 +14,7 @@ use crate::plot::{Chart, Line};
 use crate::table::{Cell, ResultTable};
 use rayon::prelude::*;
 
-/// What is compared.
+/// Settings that are compared.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CompressionRules {
     /// Numbers of bits of the samples.

@@ -1,4 +1,4 @@
-//! How impacts of grains differ from each other and from recordings.
+//! Differences of impacts of grains from each other and from recordings.
 
 use super::similarity::Correlator;
 use crate::core::random::Random;

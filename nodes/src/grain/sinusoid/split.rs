@@ -10,7 +10,7 @@ use crate::grain::segmentation::{FluxFrames, ONSET_RISE, onsets};
 pub struct SteadyTransient {
     /// Sum of its sinusoids.
     pub steady: Vec<f32>,
-    /// What they leave: `x - steady`.
+    /// The sound without them: `x - steady`.
     pub transient: Vec<f32>,
     /// The sinusoids.
     pub tracks: Vec<Track>,

@@ -132,7 +132,7 @@ fn attack_of(first: usize, attacks: &[usize], hop: usize, half_window: usize) ->
     attacks.iter().copied().find(|o| *o + hop > first && *o < first + half_window)
 }
 
-/// What a slot of tracks holds from frame to frame.
+/// State of a slot of tracks from frame to frame.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct SlotState {
     /// The track.

@@ -27,7 +27,7 @@ ports! {
             steady: Stream<f32>,
         }
         out {
-            /// What is left.
+            /// The sound without its sinusoids.
             transient: Stream<f32>,
         }
     }

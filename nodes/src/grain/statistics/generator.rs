@@ -13,7 +13,7 @@ const MAX_LEVELLING: f64 = 4.0;
 /// Grains that do not follow themselves.
 const AVOIDED: usize = 2;
 
-/// What is drawn.
+/// Rules by which grains are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeneratorRules {
     /// Factor on the number of grains in a time.

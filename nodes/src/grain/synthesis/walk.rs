@@ -7,7 +7,7 @@ use crate::grain::correlation::{Pattern, Peak};
 use crate::grain::dictionary::GrainDictionary;
 
 choices! {
-    /// What follows a grain after which no other begins soon.
+    /// Sound after a grain that no other follows soon.
     pub enum GapRule {
         /// The best grain in an interval that is twice as long, repeatedly.
         Extend,

@@ -88,7 +88,7 @@ pub enum ModelError {
         field: &'static str,
         /// Number of values.
         found: usize,
-        /// What is right.
+        /// The number that is needed.
         needed: String,
     },
 }

@@ -9,7 +9,7 @@ use std::fmt;
 /// Frequencies at which dampings are reported, Hz.
 pub const REPORTED_HZ: [f64; 5] = [100.0, 300.0, 1000.0, 3000.0, 10_000.0];
 
-/// What one point consists of.
+/// Decomposition of one point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PointReport {
     /// Damping of the material at its frequency, 1/s.

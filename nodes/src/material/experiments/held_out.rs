@@ -89,7 +89,7 @@ impl Candidate {
     }
 }
 
-/// What a candidate makes of a take.
+/// Scores of a candidate on a take.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
     /// Name of the candidate.

@@ -62,7 +62,7 @@ choices! {
     }
 }
 choices! {
-    /// What has a support damping of its own, for `Hierarchical`.
+    /// Unit that has a support damping of its own, for `Hierarchical`.
     pub enum SupportGroup {
         /// Each recording.
         Recording,
@@ -101,7 +101,7 @@ params! {
         model: DampingFamily = DampingFamily::Rayleigh;
         /// Number of terms of `Caughey` (1 to 6), or of knots of `Spline` (4 to 8).
         order: usize = 4, unit "", range 1..=8;
-        /// What has a support damping of its own, for `Hierarchical`.
+        /// Unit that has a support damping of its own, for `Hierarchical`.
         group: SupportGroup = SupportGroup::Recording;
         /// Options of the likelihood.
         preset: FitPreset = FitPreset::Default;

@@ -112,7 +112,7 @@ fn check_names(field: &'static str, names: &[Text]) -> Result<(), Reject> {
     })
 }
 
-/// What each sound is, as object, material and set.
+/// Object, material and set of each sound.
 fn labels(p: &ListeningTestParams) -> Vec<[&str; 3]> {
     let sets = |object, material| {
         p.sets.iter().map(move |set: &Text| -> [&str; 3] { [object, material, set.0.as_str()] })

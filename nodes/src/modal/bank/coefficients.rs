@@ -98,7 +98,7 @@ impl Group {
     }
 }
 
-/// What turns sixteen damped sines into their second derivatives over `-|p|^2`, where `p = -d + 2 pi i f` is the pole.
+/// Coefficients that turn sixteen damped sines into their second derivatives over `-|p|^2`, where `p = -d + 2 pi i f` is the pole.
 pub(crate) struct Radiation {
     /// `-(p / |p|)^2`, real and imaginary part; 0 for modes without sound.
     turn: [[f32; LANES]; 2],

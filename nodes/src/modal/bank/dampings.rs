@@ -8,7 +8,7 @@ use crate::modal::mode::modes::Modes;
 use crate::modal::surface::coupling::Coupling;
 use crate::modal::surface::support::Supports;
 
-/// What changes the dampings of the modes of an object: a material, factors over time, and supports.
+/// Dampings of the modes of an object, with all that changes them: a material, factors over time, and supports.
 #[derive(Debug)]
 pub(super) struct Dampings {
     /// Frequency in Hz and decay rate in 1/s of each mode.

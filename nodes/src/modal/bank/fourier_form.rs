@@ -13,7 +13,7 @@ use std::fmt;
 use std::sync::Arc;
 
 choices! {
-    /// How the modes of a bank are computed.
+    /// Method by which the modes of a bank are computed.
     pub enum BankForm {
         /// Each sample of each mode by itself, exactly.
         Time,
@@ -103,7 +103,7 @@ impl Held {
     }
 }
 
-/// What the states of modes at a hop are compared with, as squared magnitudes.
+/// Thresholds of the states of modes at a hop, as squared magnitudes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     /// A mode below it is silent, if no force acted in the last hop.

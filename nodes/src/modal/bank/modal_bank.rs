@@ -92,8 +92,8 @@ params! {
         max_off_surface: f64 = 0.05, unit "", range 0.0..=1000.0;
         /// Time for which the modes still ring after the end of the last force.
         tail: f64 = 3.0, unit "s", range 0.0..=3600.0;
-        /// How modes are computed. `Auto` takes the Fourier form while at least 256 modes sound and no force acts, and leaves it under a force
-        /// that acts throughout half a frame or below 128 modes.
+        /// Method by which modes are computed. `Auto` uses the Fourier form while at least 256 modes sound and no force acts, and leaves it
+        /// under a force that acts throughout half a frame or below 128 modes.
         form: BankForm = BankForm::Time;
         /// Bins of each mode in the Fourier form. The error is -34 to -42 dB for 5, -50 to -59 dB for 7, and -67 to -76 dB for 9.
         bins: u16 = 5, unit "", range 3..=12_u16;

@@ -26,7 +26,7 @@ pub enum Extractor {
     Greedy {
         /// Share of the energy.
         target: f64,
-        /// What is fitted. The modes that are fitted to powers are not refined, and their deviations are those of a complex fit, which has
+        /// Domain of the fit. The modes that are fitted to powers are not refined, and their deviations are those of a complex fit, which has
         /// smaller errors.
         domain: FitDomain,
     },
@@ -92,7 +92,7 @@ pub enum ExtractError {
 }
 
 impl ExtractError {
-    /// What to do about it.
+    /// Advice on how to correct the error.
     #[must_use]
     pub fn help(&self) -> &'static str {
         match self {

@@ -27,14 +27,14 @@ const MAX_IN_WINDOW: f64 = 8.0;
 /// Ratio of decay rates below which two modes of nearly one frequency are the same.
 const SIMILAR: f64 = 2.0;
 
-/// What the search takes from its caller.
+/// Parameters of the search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Request<'a> {
     /// Maximum number of modes.
     pub(super) modes: usize,
     /// Share of the energy above the noise at which the search ends.
     pub(super) target: f64,
-    /// What is fitted.
+    /// Domain of the fit.
     pub(super) domain: FitDomain,
     /// Exponents that are known: modes are searched in what these leave.
     pub(super) known: &'a [C],

@@ -27,7 +27,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 choices! {
-    /// What becomes of a recording with several impacts.
+    /// Treatment of a recording with several impacts.
     pub enum Split {
         /// An error that names the onsets.
         None,
@@ -49,7 +49,7 @@ choices! {
     }
 }
 choices! {
-    /// What becomes of a recording without modes: one that is silent, too short, or of several impacts.
+    /// Treatment of a recording without modes: one that is silent, too short, or of several impacts.
     pub enum Unusable {
         /// An error that names all of them.
         Error,
@@ -89,13 +89,13 @@ params! {
         object: Text = "".into();
         /// Material of the takes of the manifest that count; empty for all.
         material: Text = "".into();
-        /// What becomes of a recording with several impacts.
+        /// Treatment of a recording with several impacts.
         split: Split = Split::None;
-        /// What becomes of a recording without modes.
+        /// Treatment of a recording without modes.
         unusable: Unusable = Unusable::Error;
         /// Method that finds the modes.
         extractor: Search = Search::Subband;
-        /// What `Greedy` fits to a peak. The modes of `Power` are not refined jointly, and their standard deviations are lower bounds.
+        /// Domain in which `Greedy` fits a peak. The modes of `Power` are not refined jointly, and their standard deviations are lower bounds.
         fit_domain: FitDomain = FitDomain::Complex;
         /// Share of the energy above the noise at which `Greedy` and `Hybrid` end.
         target: f64 = 0.999, unit "", range 0.01..=1.0;
@@ -121,7 +121,7 @@ ports! {
         out {
             /// The modes of the object of each recording: those that decay by less than 500 1/s at a certain rate.
             features: Value<FeatureSets>,
-            /// What was found, with spectrograms.
+            /// Results of the extraction, with spectrograms.
             report: Value<ExtractionReport>,
             /// A row for each recording: onset, modes and those with a certain decay, energy that no mode explains (of the recording, of its
             /// surrogate, and from 5 ms after the onset on), whether it rings, what the modes of other takes leave unexplained, warnings.
@@ -185,7 +185,7 @@ impl ModalFeaturesParams {
     }
 }
 
-/// What was found so far.
+/// Results so far.
 #[derive(Default)]
 struct Found {
     sets: Vec<FeatureSet>,

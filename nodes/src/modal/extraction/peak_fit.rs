@@ -12,7 +12,7 @@ pub(super) const OVER_NOISE: f64 = 10.0;
 const STEPS: usize = 20;
 
 choices! {
-    /// What is fitted around a peak of a spectrogram.
+    /// Domain in which a peak of a spectrogram is fitted.
     pub enum FitDomain {
         /// The complex spectra, by which modes that interfere are told apart.
         Complex,

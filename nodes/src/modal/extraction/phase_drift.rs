@@ -67,7 +67,7 @@ mod tests {
         quality: 0.0,
     };
 
-    /// What a sine of another phase leaves of the mode.
+    /// Residual that the mode leaves of a sine whose phase differs from its own by `phase(t)`.
     fn residual(phase: impl Fn(f64) -> f64) -> Vec<f64> {
         let sample = |n: usize| {
             let t = n as f64 / RATE;

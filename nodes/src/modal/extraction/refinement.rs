@@ -31,7 +31,7 @@ pub(super) struct Sines {
     pub(super) amplitudes: Vec<C>,
 }
 
-/// What a set of exponents explains of a recording.
+/// The part of a recording that a set of exponents explains.
 struct State {
     sines: Sines,
     /// Products of the recording with `exp(s n)` and `n exp(s n)`.

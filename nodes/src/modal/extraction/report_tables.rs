@@ -1,4 +1,4 @@
-//! What was found in recordings, as tables.
+//! Tables of the results for recordings.
 
 use super::report::{ExtractionReport, RecordingReport};
 use crate::table::{Cell, ResultTable};

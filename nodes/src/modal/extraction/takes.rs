@@ -13,11 +13,11 @@ pub struct Take {
     pub object: String,
     /// Material of the object.
     pub material: String,
-    /// What held the object, such as `two fingers, edge`.
+    /// Support of the object, such as `two fingers, edge`.
     pub support: String,
-    /// Where it was hit.
+    /// Hit point.
     pub hit: String,
-    /// What it was hit with.
+    /// Striker.
     pub striker: String,
     /// Licence of the recording.
     pub licence: String,

@@ -113,7 +113,7 @@ pub struct ImpactForce {
 /// Range of impulses in dB above which the summary warns: what is so far below the strongest is not heard beside it.
 const WIDE_RANGE: f64 = 80.0;
 
-/// What is audible of impulses whose strengths are far apart.
+/// Warning about impulses whose strengths are far apart.
 fn range_warning([low, high]: [f32; 2]) -> Option<String> {
     let range = 20.0 * (f64::from(high) / f64::from(low)).log10();
     (low > 0.0 && range > WIDE_RANGE).then(|| {

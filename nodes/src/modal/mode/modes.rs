@@ -34,7 +34,7 @@ pub struct Modes {
     /// Phases in radians, `[modes]`; empty for sines, which start at 0.
     #[serde(default)]
     pub phases: Vec<f32>,
-    /// What no mode explains: noise in bands, at all contact points; empty if there is none.
+    /// Residual of the modes: noise in bands, at all contact points; empty if there is none.
     #[serde(default)]
     pub noise: Vec<NoiseBand>,
 }

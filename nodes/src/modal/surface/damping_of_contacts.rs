@@ -3,7 +3,7 @@
 use super::contact::Contact;
 use super::mode_shapes::SurfaceView;
 
-/// How a contact damps.
+/// Law by which a contact damps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactLaw {
     /// Damping coefficient along the normal, N s/m.

@@ -202,7 +202,7 @@ impl Supports {
         (self.far, self.left_out) = (old.far, old.left_out);
     }
 
-    /// What is wrong with the supports, for a summary.
+    /// Warning about the supports, for a summary.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         let (far, distance) = self.far;

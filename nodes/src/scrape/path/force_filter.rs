@@ -32,7 +32,7 @@ pub struct ForceRules {
     pub unsteady_limit: f64,
 }
 
-/// What is known of a contact in one frame, besides its path.
+/// State of a contact in one frame, besides its path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameForce {
     /// Length of the frame, s.
@@ -135,7 +135,7 @@ pub struct FrictionWork {
     pub heard: f64,
     /// Of the smoothed force in the frames that sound, and of what the limit leaves of it.
     pub smoothed: f64,
-    /// What the limit leaves.
+    /// The rest after the limit.
     pub limited: f64,
 }
 
@@ -147,7 +147,7 @@ pub struct ForceFilter {
     room: usize,
     /// Work so far.
     pub work: FrictionWork,
-    /// How much forces change from frame to frame.
+    /// Changes of forces from frame to frame.
     pub jitter: Jitter,
 }
 impl_state!(ForceFilter { contacts, work, jitter });
@@ -172,7 +172,7 @@ impl Jitter {
         self.change += (now - before).abs();
     }
 
-    /// What will be heard of forces that jump in each frame.
+    /// Warning about forces that jump in each frame, which are audible.
     #[must_use]
     pub fn warning(&self, smooth: f64) -> Option<String> {
         let share = self.change / self.force;

@@ -300,7 +300,7 @@ fn higher(a: f32, b: f32) -> f32 {
 }
 
 impl Line {
-    /// How far the point at an offset is below the highest one if the line is below both between them.
+    /// Depth of the point at an offset below the highest one, if the line is below both between them.
     #[inline(always)]
     fn jump(&self, z: &[f32], offset: f64, highest: usize) -> Option<f32> {
         let half = self.offsets.last().copied().unwrap_or(0.0);

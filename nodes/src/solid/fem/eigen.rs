@@ -23,7 +23,7 @@ const DENSE: usize = 240;
 /// Maximum number of steps, relative to the size of the basis.
 const MAX_GROWTH: usize = 12;
 
-/// What to compute.
+/// Modes to compute.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
     /// Modes below this frequency, Hz.

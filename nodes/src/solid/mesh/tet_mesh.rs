@@ -44,7 +44,7 @@ pub enum TetMeshError {
     Text {
         /// Line or byte.
         position: String,
-        /// What was found, and what would be right.
+        /// The value found, and what is needed.
         what: String,
     },
     /// No tetrahedra, or too many.

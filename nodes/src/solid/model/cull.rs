@@ -35,7 +35,7 @@ impl Voice {
     }
 }
 
-/// What is left out.
+/// Rules by which modes are left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Culling {
     /// Lowest frequency, Hz.

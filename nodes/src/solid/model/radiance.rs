@@ -13,7 +13,7 @@ pub const SOUND_SPEED: f64 = 343.0;
 const DIPOLE: f64 = 0.05;
 
 choices! {
-    /// How a mode radiates.
+    /// Radiation of a mode.
     pub enum Radiance {
         /// One and the same for all modes: the amplitude of a mode is its velocity after an impulse, as in the paper.
         Unit,
@@ -27,7 +27,7 @@ choices! {
     }
 }
 
-/// Where the sound is heard.
+/// Position of a listener, and its distance from the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Listener {
     /// Distance from the object, m.

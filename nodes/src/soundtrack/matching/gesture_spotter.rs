@@ -30,7 +30,7 @@ params! {
         [group] query: QueryParams;
         /// Channels of the motion and of the query.
         channels: u16 = 1, unit "", range 1..=1024_u16;
-        /// How long the weight holds after the gesture; None for the length of the query.
+        /// Duration of the weight after the gesture; None for the length of the query.
         hold: Option<f64> = None, unit "s", range 0.0..=3600.0;
         /// The weight of a gesture.
         gain: f64 = 1.0, unit "", range -1.0..=1.0;

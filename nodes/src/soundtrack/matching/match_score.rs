@@ -35,7 +35,7 @@ params! {
         pad: f64 = 0.05, unit "s", range 0.0..=10.0;
         /// Time by which the sound follows the motion; negative to precede it.
         delay: f64 = 0.0, unit "s", range -60.0..=60.0;
-        /// What holds for the sound outside of the matches.
+        /// Constraint on the sound outside of the matches.
         outside: Outside = Outside::None;
     }
 }

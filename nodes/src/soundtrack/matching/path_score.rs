@@ -75,7 +75,7 @@ fn level(channels: &[Vec<f32>], rate: f64, (from, to): (f64, f64)) -> f64 {
     if count > 0 { (sum / count as f64).sqrt() } else { 0.0 }
 }
 
-/// How a path becomes a score.
+/// Rules by which a path becomes a score.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathScoreRules {
     /// Weight of silence.

@@ -6,7 +6,7 @@ use crate::soundtrack::motion::{CurveError, MotionCurve};
 use thiserror::Error;
 
 choices! {
-    /// What is removed from a motion before it is compared.
+    /// Normalisation of a motion before it is compared.
     pub enum Normalisation {
         /// Its mean.
         Offset,
@@ -28,7 +28,7 @@ pub struct QueryRules {
     pub threshold: f64,
     /// Deviation from a uniform change of tempo, as a share of the query.
     pub radius: f64,
-    /// What is removed.
+    /// Normalisation of motions.
     pub normalisation: Normalisation,
     /// Try every length, and not only those with the ratio of a fourth of an octave.
     pub exhaustive: bool,

@@ -52,7 +52,7 @@ fn windows<T: Send>(
 struct Ranked {
     /// Bits of the squared distance or of a lower bound of it, which are in the order of the numbers.
     bound: u64,
-    /// What the bound is: of some frames, of all frames, or the distance.
+    /// Kind of the bound: over some frames, over all frames, or the distance itself.
     step: Step,
     start: u32,
     len: u32,

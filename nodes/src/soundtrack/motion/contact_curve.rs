@@ -31,7 +31,7 @@ params! {
     ///
     /// As `weights` of a `TextureSynthesis` it directs a sound texture by physics.
     pub struct ContactCurveParams {
-        /// What is measured.
+        /// The measured quantity.
         measure: ContactMeasure = ContactMeasure::Sliding;
         /// The measure that becomes 1; what is greater is 1 too. None for the measure itself.
         full: Option<f64> = None, unit "", range 1e-9..=1.0e12_f64;

@@ -17,7 +17,7 @@ const BRIDGED: f64 = 0.1;
 pub struct CurveTableError {
     /// Line, from 1.
     pub line: u64,
-    /// What was found, and what would be right.
+    /// The value found, and what is needed.
     pub message: String,
 }
 

@@ -108,7 +108,7 @@ impl Conflicts<'_> {
         Ok(())
     }
 
-    /// Says why hard constraints leave no node whose children could be chosen, if they leave none.
+    /// Returns the reason why hard constraints leave no node whose children could be chosen; `None` if they leave one.
     fn impossible(&self, included: Option<usize>, excluded: &[usize]) -> Option<String> {
         let level = (self.tree.depth as usize).saturating_sub(2);
         let everything = NodeSet::new(vec![(0, self.tree.nodes(level) as u32)]);

@@ -68,7 +68,7 @@ impl SourceSet {
     }
 }
 
-/// What a score says of a set of sounds, and where.
+/// The constraints of a score on a set of sounds, and their location.
 #[derive(Clone, Debug)]
 pub struct Directive {
     /// The set.
@@ -79,7 +79,7 @@ pub struct Directive {
     pub location: Location,
 }
 
-/// What holds for a node of the output.
+/// Constraint on a node of the output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constraint {
     /// The set of sounds.

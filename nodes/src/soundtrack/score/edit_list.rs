@@ -47,7 +47,7 @@ pub struct EditList {
     pub notices: Vec<String>,
 }
 
-/// How edits become a score.
+/// Rules by which edits become a score.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EditRules {
     /// Frames per second of the timecodes of a CMX 3600 list.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub const MAX_TARGETS: usize = 100_000;
 
 choices! {
-    /// What holds for a sound outside of its targets.
+    /// Constraint on a sound outside of its targets.
     #[derive(Serialize, Deserialize)]
     pub enum Outside {
         /// Nothing: it may occur.
@@ -30,7 +30,7 @@ pub struct ScoreSource {
     pub recording: Option<String>,
     /// Start and end of each interval, s.
     pub segments: Vec<(f64, f64)>,
-    /// What holds outside of its targets.
+    /// Constraint outside of its targets.
     pub outside: Outside,
     /// Location in its file.
     pub location: Location,

@@ -22,7 +22,7 @@ const SLOPE: f32 = 2.0;
 pub struct JoinGains {
     /// The greatest magnitude of a gain, dB.
     limit: f32,
-    /// What remains of a gain at the end of a block.
+    /// Share of a gain that remains at the end of a block.
     remains: f32,
     /// At the beginning of the last block and at its end, dB, by octave, the finest ones.
     gains: Vec<[f32; 2]>,

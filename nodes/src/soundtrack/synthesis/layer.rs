@@ -14,7 +14,7 @@ use std::ops::Range;
 /// Nodes that were chosen lately.
 #[derive(Clone, Debug, Default)]
 pub struct Recent {
-    /// How often each node was chosen; empty if that does not matter.
+    /// Number of times that each node was chosen; empty if it does not matter.
     pub counts: Vec<u16>,
     order: VecDeque<u32>,
     limit: usize,
@@ -107,7 +107,7 @@ pub struct Layer {
     pub remaining: Remaining,
     /// Those that are compared first.
     pub first: Vec<u32>,
-    /// What was chosen lately, by level.
+    /// Nodes that were chosen recently, by level.
     pub recent: Vec<Recent>,
     /// Roots that were chosen lately.
     pub recent_roots: Recent,

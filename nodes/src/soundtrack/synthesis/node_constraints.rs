@@ -5,12 +5,12 @@ use crate::soundtrack::score::constraints::SOFT;
 use crate::soundtrack::score::{Constraint, Constraints, Overlap, WeightStream};
 use crate::soundtrack::wavelet::TextureModel;
 
-/// What holds for a node of the output.
+/// Constraints on a node of the output.
 #[derive(Default)]
 pub struct NodeConstraints {
     /// By layer.
     pub own: [Option<Constraint>; 2],
-    /// What holds later by the look-ahead.
+    /// Constraints on the node that is later by the look-ahead.
     pub later: [Option<Constraint>; 2],
     /// The look-ahead, nodes.
     pub distance: u32,

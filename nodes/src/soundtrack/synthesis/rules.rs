@@ -5,7 +5,7 @@ use crate::core::node::Summary;
 use crate::{choices, impl_state};
 
 choices! {
-    /// How similar ancestors and predecessors are counted.
+    /// Method of counting similar ancestors and predecessors.
     pub enum MatchCount {
         /// Those in a row, from the nearest on.
         Consecutive,
@@ -35,7 +35,7 @@ choices! {
 }
 
 choices! {
-    /// How a weight between -1 and 1 acts.
+    /// Effect of a weight between -1 and 1.
     pub enum WeightBias {
         /// As a probability: with the share `p` of chance, `p + (1 - p) |w|`.
         Probability,
@@ -58,7 +58,7 @@ pub struct SynthesisRules {
     pub continuity: Option<f64>,
     /// Greatest gain by which the levels of a block continue those before it, dB; 0 for blocks as they were recorded.
     pub join_gain: f64,
-    /// How similar ancestors and predecessors are counted.
+    /// Method of counting similar ancestors and predecessors.
     pub count: MatchCount,
     /// When ancestors are similar.
     pub criterion: MatchCriterion,
@@ -68,13 +68,13 @@ pub struct SynthesisRules {
     pub look_ahead: f64,
     /// Share of the match of other nodes that a wanted node must reach, and the other way round.
     pub quality: f64,
-    /// How weights act.
+    /// Effect of weights between -1 and 1.
     pub bias: WeightBias,
-    /// What is heard where two sounds overlap.
+    /// Sound where two sounds overlap.
     pub overlap: OverlapMode,
     /// Probability that a node remains a candidate, for each time that it was chosen lately; 1 for no preference.
     pub repetition: f64,
-    /// How long a choice counts for `repetition`, s.
+    /// Duration for which a choice counts for `repetition`, s.
     pub memory: f64,
     /// Longest stretch of a recording that is repeated as it is, s, as long as there is another choice.
     pub max_run: Option<f64>,
@@ -112,7 +112,7 @@ impl SynthesisRules {
     }
 }
 
-/// What happened in a synthesis.
+/// Counts of a synthesis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SynthesisCounts {
     /// Nodes that were matched.

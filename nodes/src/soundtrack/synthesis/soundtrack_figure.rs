@@ -24,7 +24,7 @@ pub fn located<'a>(score: &'a SoundScore, tree: &WaveletTree) -> Vec<(usize, &'a
     score.sources.iter().map(|s| (recording(s).unwrap_or(usize::MAX), s)).collect()
 }
 
-/// What a figure shows.
+/// Data of a figure.
 pub struct SoundtrackFigure<'a> {
     positions: &'a [SourcePosition],
     /// Positions per second.

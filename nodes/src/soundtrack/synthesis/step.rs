@@ -31,10 +31,10 @@ pub fn predecessor(model: &TextureModel, level: usize, node: u32, distance: u32)
     }
 }
 
-/// What was chosen lately, and is left out by chance.
+/// Recent choices, which are left out by chance.
 #[derive(Clone, Copy)]
 pub struct Repetition<'a> {
-    /// How often each node was chosen; empty if that does not matter.
+    /// Number of times that each node was chosen; empty if it does not matter.
     pub counts: &'a [u16],
     /// Probability that a node remains, for each time.
     pub factor: f64,
@@ -57,11 +57,11 @@ impl Repetition<'_> {
 /// The limits that hold for candidates.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Limits {
-    /// What was chosen lately is left out by chance.
+    /// True if recent choices are left out by chance.
     repeats: bool,
-    /// Roots are joined at borders of the same class.
+    /// True if roots are joined only at borders of the same class.
     alike: bool,
-    /// Stretches have a greatest length.
+    /// True if stretches have a maximum length.
     run: bool,
 }
 
@@ -83,7 +83,7 @@ pub struct Step<'a> {
     pub longest: Option<f64>,
     /// Candidates that are looked at before all others.
     pub first: &'a [u32],
-    /// What was chosen lately.
+    /// Recent choices.
     pub repetition: Repetition<'a>,
 }
 
@@ -181,7 +181,7 @@ impl Step<'_> {
         !self.is_root || best.is_choice()
     }
 
-    /// Which limits hold: as many as leave a candidate.
+    /// Sets of limits to try in turn, the strictest first, until one leaves a candidate.
     fn limits(&self) -> impl Iterator<Item = Limits> {
         let (repeats, run) = (!self.repetition.counts.is_empty(), self.rules.max_run.is_some());
         let alike = run && self.level == 0;
@@ -390,8 +390,8 @@ impl Step<'_> {
         }
     }
 
-    /// How well the levels of what precedes a root in its recording continue those of the root before this one, from 0 to 1: about 1 within the
-    /// difference that the rules state, and little beyond it.
+    /// Continuity of the levels from the root before this one to a candidate root, from 0 to 1. It compares the levels of what precedes the
+    /// candidate in its recording with those of the root before: about 1 within the difference that the rules state, and little beyond it.
     pub fn continuity(&self, root: u32) -> f64 {
         let (Some(scale), true) = (self.rules.continuity, self.is_root) else { return 1.0 };
         match (self.tree.pick(0, -1), predecessor(self.model, 0, root, 1)) {

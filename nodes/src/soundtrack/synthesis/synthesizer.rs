@@ -36,8 +36,8 @@ const OMISSIONS: u32 = 1 << 16;
 /// the model whose ancestors and predecessors match most. The result is the same as level by level over the whole output, because a choice is
 /// a function of what is above and to the left of it, and of random numbers of its own.
 ///
-/// Where two sounds overlap and morph, each is made in a layer of its own by the same random numbers, and the output is a mixture of both. Each
-/// layer goes on with what it has, so no choice is matched with a mixture. Elsewhere both layers are the same.
+/// When two sounds overlap and morph, each is made in a layer of its own by the same random numbers, and the output is a mixture of both.
+/// Each layer continues from its own choices, so no choice is matched with a mixture. Elsewhere both layers are the same.
 ///
 /// # Complexity
 /// Linear in the candidates that match: a few for each node of a natural sound.
@@ -59,7 +59,7 @@ pub struct Synthesizer {
     /// The sets of the constraints of the last root by layer; [`NONE`] without one, [`MIXTURE`] where two are mixed.
     sets: [u32; 2],
     has_masks: bool,
-    /// What happened so far.
+    /// Counts so far.
     pub counts: SynthesisCounts,
 }
 

@@ -68,7 +68,7 @@ impl TextureStream {
         }
     }
 
-    /// What happened so far.
+    /// Counts so far.
     #[must_use]
     pub fn counts(&self) -> SynthesisCounts {
         self.synthesizer.counts

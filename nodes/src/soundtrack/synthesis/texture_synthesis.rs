@@ -57,7 +57,7 @@ params! {
         /// Nothing is raised above the end of the block before, and gains of neighbouring octaves differ by 2 dB at most. There is none where other sounds are wanted
         /// than before, or where two are mixed. 0: blocks are heard as they were recorded, as in the paper.
         join_gain: f64 = 15.0, unit "dB", range 0.0..=60.0;
-        /// How similar ancestors and predecessors are counted. Where a score leaves no candidate all of whose ancestors are similar, `Total`
+        /// Method of counting similar ancestors and predecessors. Where a score leaves no candidate all of whose ancestors are similar, `Total`
         /// compares all nodes, which takes much longer.
         count: MatchCount = MatchCount::Consecutive;
         /// When ancestors are similar. `RunningMean` compares all nodes with `search: Exact`, which takes much longer.
@@ -72,15 +72,15 @@ params! {
         max_run: Option<f64> = Some(1.0), unit "s", range 0.001..=3600.0;
         /// Probability that a node remains a candidate, for each time that it was chosen within `memory`, while there are others; 1 for no preference.
         repetition: f64 = 1.0, unit "", range 0.0..=1.0;
-        /// How long a choice counts for `repetition`.
+        /// Duration for which a choice counts for `repetition`.
         memory: f64 = 2.0, unit "s", range 0.0..=60.0;
         /// Time by which a wanted sound is prepared by what precedes it in its recording; None for the shorter of 1 s and 5 % of the duration.
         look_ahead: Option<f64> = None, unit "s", range 0.0..=60.0;
-        /// How a weight between -1 and 1 acts.
+        /// Effect of a weight between -1 and 1.
         bias: WeightBias = WeightBias::Probability;
-        /// What is heard where targets of two sounds overlap, both with positive weights. Mixed, both are made by the same random numbers, and the
-        /// shares are those of the weights; with weights whose sum is 1, nothing else is heard. Coarse coefficients are mixed where one sound follows
-        /// another, too.
+        /// Sound where targets of two sounds overlap, both with positive weights. Mixed, both are made by the same random numbers, and the
+        /// shares are those of the weights; with weights whose sum is 1, nothing else is heard. Coarse coefficients are also mixed where one
+        /// sound follows another.
         overlap: OverlapMode = OverlapMode::Winner;
         /// Share of the match of other nodes that a wanted node must reach, and the other way round; 0 for no such rule.
         quality: f64 = 0.7, unit "", range 0.0..=1.0;
@@ -103,7 +103,7 @@ ports! {
         out {
             /// The sound.
             audio: Stream<f32>,
-            /// Where the samples come from, an item for two of them.
+            /// Positions in recordings that the samples come from, an item for two samples.
             positions: Stream<SourcePositions>,
         }
     }

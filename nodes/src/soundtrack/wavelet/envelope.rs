@@ -28,7 +28,7 @@ const MEMBERS: usize = 8;
 /// The least number of borders before loud ones at which stretches end instead.
 const BEFORE: usize = 4;
 
-/// What a border of two roots is like above 8 kHz.
+/// Kind of a border of two roots, by its level above 8 kHz.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BorderKind {
     /// Neither of the others.
@@ -43,7 +43,7 @@ pub enum BorderKind {
 /// The class of a border of two roots. What is joined at borders of the same class has about the same level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Border {
-    /// What it is like.
+    /// Its kind.
     pub kind: BorderKind,
     /// By mean level over octaves, equal shares of the borders of this kind of a recording, the softest first.
     pub class: u8,

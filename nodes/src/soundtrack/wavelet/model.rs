@@ -19,7 +19,7 @@ choices! {
     }
 }
 
-/// How thresholds are found.
+/// Rules by which thresholds are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThresholdRules {
     /// Share of the coefficients below half of the threshold.
@@ -57,7 +57,7 @@ pub struct TextureModel {
     pub envelopes: Envelopes,
 }
 
-/// What a file contains.
+/// Content of a file.
 #[derive(Serialize, Deserialize)]
 struct Stored {
     tree: WaveletTree,

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 choices! {
-    /// How a recording becomes a whole number of spans of the coarsest level.
+    /// Method by which a recording becomes a whole number of spans of the coarsest level.
     #[derive(Serialize, Deserialize)]
     pub enum TreeFit {
         /// Its end is faded into its beginning: its last node precedes its first.
@@ -87,14 +87,14 @@ pub struct TreeSource {
     pub wraps: bool,
 }
 
-/// How a tree is made.
+/// Rules by which a tree is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TreeRules {
     /// The wavelet.
     pub wavelet: Wavelet,
     /// Longest span of a root, s; `None` for the shorter of 0.5 s and an eighth of the shortest recording.
     pub block: Option<f64>,
-    /// How recordings become whole numbers of spans.
+    /// Method by which recordings become whole numbers of spans.
     pub fit: TreeFit,
     /// Length of the fade of `Circular`, s.
     pub crossfade: f64,

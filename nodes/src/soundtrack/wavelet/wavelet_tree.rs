@@ -35,7 +35,7 @@ params! {
         wavelet: Wavelet = Wavelet::Db5;
         /// Longest time that a root covers; None for the shorter of 0.5 s and an eighth of the shortest recording.
         block: Option<f64> = None, unit "s", range 0.0001..=60.0;
-        /// How a recording becomes a whole number of blocks.
+        /// Method by which a recording becomes a whole number of blocks.
         fit: TreeFit = TreeFit::Circular;
         /// Length of the fade from the end to the beginning with `fit: Circular`.
         crossfade: f64 = 0.02, unit "s", range 0.0..=1.0;

@@ -82,7 +82,7 @@ fn wrong(path: &str, e: &ImageError) -> Reject {
     Reject::new(e.code(), format!("{path:?}: {e}")).at("path")
 }
 
-/// What is not heard of an image of one tone, or of one line.
+/// Note on an image of one tone, or of one line, along which some or all motion is silent.
 fn even(grid: &Grid) -> Option<String> {
     let tones =
         grid.samples.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], x| [a.min(*x), b.max(*x)]);

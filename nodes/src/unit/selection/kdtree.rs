@@ -387,7 +387,7 @@ impl Points {
     }
 }
 
-/// What the tree is built of.
+/// A tree under construction.
 struct Builder<'a> {
     tree: &'a mut KdTree,
     labels: &'a [u32],

@@ -1,4 +1,4 @@
-//! What changes while a bank sounds: dampings, pitch, coupling and contact points.
+//! Changes while a bank sounds: dampings, pitch, coupling and contact points.
 
 use super::*;
 
