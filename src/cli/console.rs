@@ -53,7 +53,7 @@ pub fn tell_styled(text: &str) {
     });
 }
 
-/// Messages of a kind of which anybody can cause any number: ten a second are shown, and the rest are counted.
+/// Messages of a kind that anybody can cause in any number: ten a second are shown, and the rest are counted.
 pub struct Throttle(Mutex<Shown>);
 
 /// The messages of the present second.

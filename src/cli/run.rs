@@ -66,7 +66,7 @@ pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     }
 }
 
-/// Prints the errors of a run, and tells a stopped one from a wrong one.
+/// Prints the errors of a run, and distinguishes a stopped run from a wrong one.
 fn failed(ready: &Prepared, errors: &[Diagnostic]) -> Exit {
     show(errors, &ready.graph.sources);
     if ready.progress.stop.load(Ordering::SeqCst) { Exit::Again } else { Exit::of(errors) }

@@ -39,7 +39,7 @@ enum Woken {
 
 /// Result of an attempt to run.
 enum Attempt {
-    /// To its end, good or bad.
+    /// Ran to its end, with or without success.
     Over,
     /// A newer save came.
     Changed(Instant),

@@ -137,7 +137,7 @@ impl Root {
     }
 
     /// Returns true if a path lies below the graph's own folder, which is written as `folder`, links followed. A file that
-    /// is missing counts by its text, so that the answer does not tell which files exist elsewhere.
+    /// is missing counts by its text, so that the answer does not reveal which files exist elsewhere.
     pub(super) fn own_folder_holds(&self, folder: &Path, path: &str) -> bool {
         let folder = join(folder, "");
         let path =

@@ -147,7 +147,7 @@ impl Parse {
             .collect()
     }
 
-    /// The values of which something with exactly this span is an item, the outermost first.
+    /// The values that contain an item with exactly this span, the outermost first.
     pub(super) fn holders_of(&self, span: &Span) -> Vec<Value> {
         let parents = read::nodes_at(self, span).filter_map(|node| node.parent());
         parents.filter(|node| node.kind().is_value()).map(|node| read::value(&node)).collect()

@@ -23,7 +23,7 @@ pub struct Frame {
     pub start: usize,
     /// The name before the bracket.
     pub name: Option<Key>,
-    /// The key or field of which it is the value.
+    /// The key or field that it is the value of.
     pub key: Option<Key>,
     /// Number of complete items before the cursor.
     pub index: usize,
@@ -123,7 +123,7 @@ impl Frame {
         self.name.as_ref().map(|name| &*name.text)
     }
 
-    /// Text of the key or field of which it is the value.
+    /// Text of the key or field that it is the value of.
     #[must_use]
     pub fn key(&self) -> Option<&str> {
         self.key.as_ref().map(|key| &*key.text)

@@ -20,7 +20,7 @@ pub struct TextEdit {
     pub new_text: String,
 }
 
-/// Why an edit cannot be made.
+/// Reason for which an edit is impossible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EditError {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 use std::{fs, io};
 
-/// Age from which on levels are those of a graph that plays no more, s.
+/// Age at which levels count as those of a graph that no longer plays, s.
 const MAX_AGE: f64 = 3.0;
 
 /// The levels of a graph that plays, as `foley live` and `foley watch --live` write them beside it while they play.

@@ -124,7 +124,7 @@ impl Player {
     /// Makes both sides of a player.
     ///
     /// # Errors
-    /// All errors of the graph, as far as it has to play.
+    /// All errors of the parts of the graph that play.
     pub fn start(graph: LiveGraph, options: Options) -> Result<(Self, Callback), Vec<Diagnostic>> {
         let prepared = PreparedGraph::new(graph)?;
         let rate = prepared.draft.rate;

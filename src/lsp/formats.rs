@@ -36,7 +36,7 @@ pub static FORMATS: [Format; 3] = [
     },
 ];
 
-/// A field that no format has, by which a reader is asked for those that it has.
+/// A field that no format has, which makes a reader list those that it has.
 const PROBE: &str = "__";
 /// Maximum number of required fields of a file.
 const MAX_REQUIRED: usize = 8;
@@ -111,7 +111,7 @@ fn nested(frames: &[Frame], probe: &str, required: &[String]) -> String {
     text + probe + &closers
 }
 
-/// The names that a reader lists in its message about one that it does not know.
+/// The names that a reader lists in its message about an unknown one.
 fn listed(message: &str) -> Vec<String> {
     // Of several mistakes the first is about the probe.
     let first = message.split("; and ").next().unwrap_or(message);

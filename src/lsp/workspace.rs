@@ -43,7 +43,7 @@ impl Workspace {
         path
     }
 
-    /// Forgets the unsaved text of a file.
+    /// Discards the unsaved text of a file.
     pub fn close(&mut self, uri: &Uri) -> PathBuf {
         let path = path_of(uri);
         self.open.remove(&path);

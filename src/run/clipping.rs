@@ -24,7 +24,7 @@ pub struct Loudness {
     pub over: f64,
 }
 
-/// Returns notes on the files of a run that clip, or of which hardly anything is heard: each of a node and a text.
+/// Returns notes on the files of a run that clip or are hardly audible: each of a node and a text.
 ///
 /// A file of floats holds what it gets, such as a force in N.
 pub fn notes(graph: &Graph, reports: &[NodeReport]) -> Vec<(String, String)> {

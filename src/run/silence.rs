@@ -13,7 +13,7 @@ const FACTORS: [&str; 8] =
 /// An output port: its node and its number.
 pub type Output = (usize, usize);
 
-/// True for an output that carries something in the time that is explained; `None` if that is not known.
+/// Returns true for an output that is active in the explained time; `None` if it is not known.
 pub type Activity<'a> = &'a dyn Fn(Output) -> Option<bool>;
 
 /// The output that a link comes from.
@@ -65,7 +65,7 @@ pub fn explain(
     tapped: &[Output],
     period: Period,
 ) -> Vec<(String, String)> {
-    // Not known of a node in place of which a cached stream was read.
+    // Not known of a node that was replaced by a cached stream.
     let activity = |(node, port): Output| {
         Some(reports[node].activity? != 0).map(|any| {
             any && (port >= 64 || reports[node].activity.is_some_and(|active| active & (1 << port) != 0))
@@ -138,12 +138,12 @@ impl<'a> Search<'a> {
         self.reports[n].summary.get("silent")?.as_str()
     }
 
-    /// Returns true if an output has carried something; None if it is not known, since a cached stream replaced its node.
+    /// Returns true if an output has been active; None if it is not known, since a cached stream replaced its node.
     fn is_active(&self, output: Output) -> Option<bool> {
         (self.activity)(output).or_else(|| self.reason(output.0).map(|_| false))
     }
 
-    /// Returns true if no output of a node has carried anything.
+    /// Returns true if no output of a node has been active.
     fn gave_nothing(&self, node: usize) -> bool {
         let ports = 0..self.graph.nodes[node].ty.outputs.len();
         !ports.into_iter().any(|port| self.is_active((node, port)) == Some(true))
@@ -174,7 +174,7 @@ impl<'a> Search<'a> {
         let inputs = node.ty.inputs.iter().zip(&node.links).filter(|(spec, _)| flows(spec));
         let links: Vec<(&str, Output)> =
             inputs.flat_map(|(spec, links)| links.iter().map(|link| (spec.name, output(link)))).collect();
-        // A node may pass on what is silent for a reason that it knows, such as contacts of an amplitude of 0.
+        // A node may pass on what is silent for a known reason, such as contacts of an amplitude of 0.
         let quiet = |link: Output| self.is_active(link) == Some(false) || self.reason(link.0).is_some();
         let (silent, heard): (Vec<_>, Vec<_>) = links.into_iter().partition(|(_, link)| quiet(*link));
         let zeros = node.ty.zeros(&*node.params);

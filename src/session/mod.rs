@@ -84,7 +84,7 @@ pub struct Session {
     until: Option<Tick>,
     taps: Vec<String>,
     memory_taps: Vec<(String, Arc<dyn MemoryTap>)>,
-    /// Ids of the nodes that write, of which the run is made besides the taps; `None` for the whole graph.
+    /// Ids of the nodes that write and that the run computes besides the taps; `None` for the whole graph.
     only: Option<Vec<String>>,
     /// True to trace where the sound is lost.
     trace: bool,
@@ -404,7 +404,7 @@ impl Session {
     /// Starts to play the graph: the callback belongs to the host, which fills its buffers with it.
     ///
     /// # Errors
-    /// All that is wrong with the graph, as far as it has to play.
+    /// All errors of the parts of the graph that play.
     pub fn play(&self, inputs: Arc<dyn Inputs>, options: Options) -> Result<(Player, Callback), Errors> {
         let graph = self.live_graph(inputs)?;
         let sources = graph.graph.sources.clone();

@@ -38,7 +38,7 @@ impl Bounds {
         if low.zip(high).is_some_and(|(low, high)| low > high) {
             return Err("a range whose end is not below its start".to_owned());
         }
-        // Of measured numbers the ends belong to the range: nobody can tell them apart.
+        // The ends of a range of measured numbers belong to it: a difference could not be measured.
         let whole = range.end.as_ref().is_some_and(|end| end.as_int().is_some());
         Ok(Self { low, high, below: whole && !range.inclusive && low != high })
     }

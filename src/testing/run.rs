@@ -26,7 +26,7 @@ pub struct Runner {
     pub threads: Option<usize>,
 }
 
-/// Why a case could not be run: mistakes in the graph or the test file, or faults of nodes.
+/// Reason for which a case could not be run: mistakes in the graph or the test file, or faults of nodes.
 #[derive(Clone, Debug)]
 pub struct CaseError {
     /// The mistakes.

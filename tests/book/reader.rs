@@ -31,7 +31,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// A mark without a text.
+    /// A directive without a text.
     fn of_mark(mark: Mark, page: &str, line: usize) -> Self {
         let at = format!("{page}:{}", line + 1);
         Self { at, mark, language: String::new(), text: String::new() }

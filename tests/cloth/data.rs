@@ -121,7 +121,7 @@ const EXAMPLES: [Example; 10] = [
     Example { graph: "live.ron", wav: "live.wav", bodies: &["floor", "wall1", "wall2"], ..FRICTION },
 ];
 
-/// Arguments that put another cloth, and its bodies as far as there are nodes for them, into a graph.
+/// Arguments that put another cloth into a graph, and its bodies where the graph has nodes for them.
 fn replaced(cloth: &Path, bodies: &[PathBuf], example: &Example) -> Vec<String> {
     let Example { mesh, fps, others, .. } = example;
     let mut sets = vec![format!("{mesh}.path={}", cloth.display())];

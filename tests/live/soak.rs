@@ -219,7 +219,7 @@ impl Outcome {
         parts.map(|part| part.len() as f64 / 8000.0).filter(|s| *s > 0.5).collect()
     }
 
-    /// Number of gaps that standard error tells of.
+    /// Number of gaps that standard error reports.
     fn gaps_reported(&self) -> usize {
         self.told.matches("nothing has come from the nodes").count()
     }

@@ -130,7 +130,7 @@ impl Item for Contacts {
     }
 }
 
-/// Defines an item of one number for each vertex, of which a trial has one from 0 to 3, often 0.
+/// Defines an item of one number for each vertex. In a trial the numbers are from 0 to 3, often 0.
 macro_rules! per_vertex {
     ($(#[$doc:meta])* $item:ident, $name:literal) => {
         $(#[$doc])*

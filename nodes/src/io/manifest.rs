@@ -27,7 +27,7 @@ pub trait ManifestEntry: Default {
     }
 }
 
-/// Reads a manifest: a CSV with the columns of `E` in any order, of which `file` is required.
+/// Reads a manifest: a CSV with the columns of `E` in any order; `file` is required.
 ///
 /// # Errors
 /// A message with the line, the column, what was found, and what would be right.

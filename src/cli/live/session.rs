@@ -81,7 +81,7 @@ pub(super) struct Session<'a> {
     pub(super) cut: bool,
     /// Notes of nodes that are reported.
     pub(super) noted: HashSet<(String, String)>,
-    /// Nodes of which it is reported why they give nothing, since the last load.
+    /// Nodes whose reason for giving nothing has been reported since the last load.
     pub(super) silent: HashSet<(String, String)>,
     /// True if it is reported that windows are missed.
     pub(super) starved: bool,

@@ -1,4 +1,4 @@
-//! The file of the device `file:PATH`: written by a thread of its own, in whole windows, and complete as far as it came.
+//! The file of the device `file:PATH`, written by a thread of its own, in whole windows, and complete up to its end.
 
 use super::timing::DeviceStatus;
 use crate::live::playback::callback::Callback;

@@ -36,7 +36,7 @@ const MAX_NAME_BYTES: u32 = 200;
 const MAX_CONNECTIONS: usize = 8;
 /// Time in which a sender has to send the header.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(5);
-/// Time of silence from which on a connection gives its place to another one.
+/// Duration of silence after which a connection is replaced by another one.
 const SILENCE: Duration = Duration::from_secs(15);
 /// Maximum time for which a thread reads or sleeps before it polls the stop flag.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 /// Maximum number of different mistakes that are reported: anybody can cause any number of them.
 const MAX_TEXTS: usize = 32;
 
-/// Why a message is refused.
+/// Reason for which a message is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// It cannot be parsed, or its numbers are not those of its kind.

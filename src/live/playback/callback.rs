@@ -125,7 +125,7 @@ pub struct Callback {
     taken: usize,
     /// Time that one window lasts.
     budget: Duration,
-    /// The window from which on a node that is not finite is reported again.
+    /// First window at which a node that is not finite is reported again.
     next_report: u64,
 }
 

@@ -119,7 +119,7 @@ impl Meter {
         f32::from_bits(self.peak.swap(0, Relaxed))
     }
 
-    /// Returns the level of all samples that were played, of which there are so many.
+    /// Returns the level of all `samples` that were played.
     pub fn loudness(&self, samples: u64) -> Loudness {
         let over = self.over.load(Relaxed) as f64 / samples.max(1) as f64;
         Loudness { peak: self.loudest().into(), over }

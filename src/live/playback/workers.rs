@@ -32,11 +32,11 @@ pub struct WorkerRegion {
     pub failed: bool,
     /// The fault with the index of the node, until it is reported.
     pub fault: Option<(usize, Fault)>,
-    /// True if the windows are late, as the nodes know; `None` before they do.
+    /// The late state that the nodes were last given; `None` before the first.
     pub late: Option<bool>,
     /// A node whose output is not finite, until it is reported.
     pub not_finite: Option<usize>,
-    /// The window from which on such a node is reported again.
+    /// First window at which such a node is reported again.
     pub next_report: u64,
 }
 

@@ -10,10 +10,10 @@ use std::collections::BTreeMap;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
-/// Time of silence from which on the activity of nodes is recorded, and for which it is, s.
+/// Duration of silence after which the activity of nodes is recorded, and duration of the recording, s.
 const HALF: f64 = 0.5;
 
-/// Time of silence from which on nodes are reported that no message reaches, s: what files hold for them may come later.
+/// Duration of silence after which nodes that no message reaches are reported, s: what files hold for them may come later.
 const PATIENCE: f64 = 5.0;
 
 /// Interval between two measurements of the levels of all nodes, and the time that one takes.
@@ -54,7 +54,7 @@ enum LevelStep {
 }
 
 impl Surveys {
-    /// Forgets what is known of the graph before.
+    /// Discards the surveys of the graph before.
     pub fn begin_again(&mut self) {
         let levels = NodeLevels { since: self.levels.since, ..NodeLevels::default() };
         *self = Self { graph: self.graph + 1, levels, ..Self::default() };

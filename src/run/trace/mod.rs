@@ -1,4 +1,4 @@
-//! Traces silence: what each output on the way to a file or a tap carried, and where the sound is lost.
+//! Traces silence: the level of each output on the way to a file or a tap, and the nodes at which the sound is lost.
 
 mod text;
 
@@ -89,12 +89,12 @@ pub struct OutputLevel {
     pub span: Option<[f64; 2]>,
 }
 
-/// A port of a node, and what it carried.
+/// A port of a node, and its level.
 #[derive(Clone, Debug, Serialize)]
 pub struct PortLevel {
     /// Its name.
     pub port: &'static str,
-    /// Of an input, the output that it reads, `NODE.PORT`.
+    /// The output that an input reads, `NODE.PORT`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
     /// Its level.
@@ -142,7 +142,7 @@ pub struct Loss {
     /// Its type.
     #[serde(rename = "type")]
     pub kind: &'static str,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 

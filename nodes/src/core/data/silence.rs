@@ -1,4 +1,4 @@
-//! Why a node has given nothing.
+//! Reasons for which a node has given nothing.
 
 use super::unmatched::Unmatched;
 use std::fmt::{self, Display};
@@ -6,7 +6,7 @@ use std::fmt::{self, Display};
 /// Maximum number of kinds of frames.
 const MAX_KINDS: usize = 6;
 
-/// Why a node has given nothing so far, although it got something.
+/// Reason for which a node has given nothing so far, although it received something.
 ///
 /// It owns no memory, so that a node can return it in an audio callback; [`Display`] puts it into words for the one who reads it.
 #[derive(Clone, Copy, Debug, PartialEq)]

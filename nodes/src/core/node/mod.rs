@@ -107,7 +107,7 @@ pub trait Node: Sized + Send + 'static {
         Ok(Summary::new())
     }
 
-    /// Returns why it has given nothing so far, although it got something; `None` if it has given something, or knows no reason.
+    /// Returns the reason for which it has given nothing so far although it received something; `None` if it has given something, or has no reason.
     ///
     /// A node that can refuse or swallow its input has a reason. Nothing may be allocated here.
     fn silence(&self) -> Option<Silence> {

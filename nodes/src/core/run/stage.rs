@@ -47,14 +47,14 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// A survey of a stage with this number of nodes, from which on their activity is recorded, or not (`false`).
+    /// A survey of a stage with this number of nodes. If `record` is true, the stage records their activity afterwards.
     #[must_use]
     pub fn new(nodes: usize, record: bool) -> Self {
         let active = vec![0; if record { nodes } else { 0 }];
         Self { active: Some(active), silence: vec![None; nodes], peaks: None }
     }
 
-    /// A survey of the levels of a stage with this number of nodes, from which on they are recorded, or not (`false`).
+    /// A survey of the levels of a stage with this number of nodes. If `record` is true, the stage records them afterwards.
     #[must_use]
     pub fn of_levels(nodes: usize, record: bool) -> Self {
         let peaks = vec![0.0; if record { nodes } else { 0 }];
@@ -79,7 +79,7 @@ impl Survey {
         self.active.as_ref()?.get(node).copied()
     }
 
-    /// Why a node has given nothing so far.
+    /// Reason for which a node has given nothing so far.
     #[must_use]
     pub fn silence(&self, node: usize) -> Option<Silence> {
         *self.silence.get(node)?
@@ -106,7 +106,7 @@ pub struct Stage {
     guarded: bool,
     /// The first node with such an output since the last look.
     not_finite: Option<usize>,
-    /// For each node, a bit for each of its first 64 outputs that has carried anything; empty if this is not recorded.
+    /// For each node, a bit for each of its first 64 outputs that has been active; empty if this is not recorded.
     active: Vec<u64>,
     /// For each node, the largest magnitude in its streams of numbers; empty if this is not recorded.
     peaks: Vec<f32>,
@@ -141,12 +141,12 @@ impl Stage {
         }
     }
 
-    /// Records from now on which outputs carry anything.
+    /// Records from now on which outputs are active.
     pub fn set_activity(&mut self) {
         self.active = vec![0; self.nodes.len()];
     }
 
-    /// The outputs of a node that have carried anything since [`set_activity`](Self::set_activity), a bit for each of the first 64: a
+    /// The outputs of a node that have been active since [`set_activity`](Self::set_activity), a bit for each of the first 64: a
     /// number that is not 0, an event, or an item of another type.
     #[must_use]
     pub fn activity(&self, node: usize) -> Option<u64> {
@@ -462,7 +462,7 @@ fn largest_bits(samples: &[f32], least: u32) -> u32 {
     samples.iter().fold(least, |largest, x| (x.to_bits() & 0x7fff_ffff).max(largest))
 }
 
-/// The outputs of a node that carry something in this window, of those that have not yet.
+/// The outputs of a node that are active for the first time in this window.
 fn newly_active(cx: &Cx<'_>, active: u64) -> u64 {
     let mut found = 0;
     for (port, wire) in cx.outputs.iter().enumerate().take(64) {

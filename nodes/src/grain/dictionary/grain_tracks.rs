@@ -170,7 +170,7 @@ impl SteadyTracks {
     /// rate are silent. Blocks of any length give the same samples; nothing is allocated.
     ///
     /// # Complexity
-    /// O(samples) for each sounding track, and for each hop as far as its beginning.
+    /// O(samples) for each sounding track, and for each hop up to its beginning.
     pub(in crate::grain) fn add(
         &self,
         (index, grain): (u32, &Grain),

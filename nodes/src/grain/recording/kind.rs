@@ -14,13 +14,13 @@ pub enum SourceKind {
 
 /// Frame of the envelope, s.
 const FRAME: f64 = 0.01;
-/// Duration from which on a recording can be continuous, s.
+/// Minimum duration of a continuous recording, s.
 const SHORTEST: f64 = 0.5;
 /// Fall of the envelope after the loudest frame that makes a recording impulsive, dB, and the time within which it happens, s.
 const FALL: (f64, f64) = (30.0, 1.0);
 /// Range below the loudest frame in which a frame counts as sound, dB.
 const RANGE: f64 = 20.0;
-/// Share of the recording that sounds, from which on it is continuous.
+/// Minimum share of a continuous recording that sounds.
 const SHARE: f64 = 0.5;
 
 /// Guesses whether a recording is of impacts or of contact that lasts.

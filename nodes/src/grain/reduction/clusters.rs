@@ -1,4 +1,4 @@
-//! Clusters of similar grains, of which one stands for all.
+//! Clusters of similar grains, each replaced by its leader.
 
 use super::similarity::SimilarPair;
 use crate::grain::correlation::{CorrelationPatterns, Pattern, Peak, stored_correlation, stored_gain};
@@ -134,7 +134,7 @@ fn without_doubles(peaks: Vec<Peak>, dictionary: &GrainDictionary) -> Vec<Peak> 
     peaks.into_iter().zip(dropped).filter(|(_, dropped)| !dropped).map(|(peak, _)| peak).collect()
 }
 
-/// Replaces each grain by its leader: in the dictionary, of which `margin` samples around each leader are left, and in the patterns.
+/// Replaces each grain by its leader, in the dictionary, which retains `margin` samples around each leader, and in the patterns.
 ///
 /// Patterns of another dictionary are not valid here: check them first.
 #[must_use]

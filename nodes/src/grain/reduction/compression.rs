@@ -19,7 +19,7 @@ use rayon::prelude::*;
 pub struct CompressionRules {
     /// Numbers of bits of the samples.
     pub bits: Vec<u32>,
-    /// Correlations from which on grains are merged.
+    /// Minimum correlations of grains that are merged.
     pub merge: Vec<f64>,
     /// Shares of the bytes of the grains that are the budget of a subset.
     pub shares: Vec<f64>,

@@ -30,7 +30,7 @@ params! {
     /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 6, which
     /// names this as future work.
     pub struct GrainClusterParams {
-        /// Normalised cross-correlation from which on one grain stands for another; 1 for scaled copies.
+        /// Minimum normalised cross-correlation of a grain with its leader; 1 for scaled copies.
         merge: f64 = 0.9, unit "", range 0.3..=1.0;
         /// Number of grains of similar spectrum that each grain is compared with.
         neighbours: usize = 32, unit "", range 1..=10_000;

@@ -31,7 +31,7 @@ params! {
     pub struct GrainCompressionParams {
         /// Numbers of bits of the samples.
         bits: Vec<u32> = vec![12, 10, 8, 7, 6, 5, 4], unit "bits", range 4..=16_u32;
-        /// Correlations from which on grains are merged.
+        /// Minimum correlations of grains that are merged.
         merge: Vec<f64> = vec![0.999, 0.99, 0.98, 0.95, 0.9, 0.85, 0.8], unit "", range 0.3..=1.0;
         /// Budgets, as shares of the bytes of the grains.
         shares: Vec<f64> = vec![0.75, 0.5, 0.25], unit "", range 0.0..=1.0;

@@ -99,7 +99,7 @@ impl Inflection {
 /// The cuts of a recording, with what they follow from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Segments {
-    /// Rising sample indices, of which the first is 0 and the last is the length.
+    /// Rising sample indices; the first is 0 and the last is the length.
     pub cuts: Vec<usize>,
     /// Samples of onsets.
     pub onsets: Vec<usize>,

@@ -62,7 +62,7 @@ pub struct ContactPairs {
 crate::impl_state!(ContactPairs { pairs, frames, count, not_finite, dropped, others });
 
 impl ContactPairs {
-    /// Up to `room` pairs at a time, of which one body is `object`, with the sounds of sliding and of rolling.
+    /// Up to `room` pairs at a time that contain the body `object`, with the sounds of sliding and of rolling.
     #[must_use]
     pub fn new(room: usize, object: Option<u32>, mut sounds: [Vec<ContactSound>; KINDS]) -> Self {
         let ranges = sounds.each_mut().map(|sounds| {

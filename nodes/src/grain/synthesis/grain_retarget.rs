@@ -62,9 +62,9 @@ params! {
         energy_ref: f64 = 0.1, unit "J", range 1e-12..=1.0e9_f64;
         /// Smallest and largest gain of an impact; below the smallest it is silent.
         range: [f64; 2] = [-60.0, 12.0], unit "dB", range -200.0..=60.0;
-        /// Energy from which on an impact plays the whole recording; below it plays its first grain only.
+        /// Minimum energy of an impact that plays the whole recording; a weaker one plays its first grain only.
         whole_energy: f64 = 0.0, unit "J", range 0.0..=1.0e9_f64;
-        /// Energy from which on an impact breaks something.
+        /// Minimum energy of an impact that breaks something.
         break_energy: Option<f64> = None, unit "J", range 0.0..=1.0e9_f64;
         /// Variations of each recorded impact.
         variations: usize = 64, unit "", range 1..=1024;

@@ -85,7 +85,7 @@ fn pattern_of<'a>(patterns: Option<&'a CorrelationPatterns>, source: &GrainSourc
     patterns.and_then(|all| all.patterns.iter().find(is_of_source))
 }
 
-/// Correlation of two variations from which on one of them is left out.
+/// Correlation of two variations at which one of them is left out.
 const ALIKE: f64 = 0.95;
 /// Attempts to find a variation that is unlike all others.
 const ATTEMPTS: usize = 4;

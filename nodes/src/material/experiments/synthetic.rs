@@ -25,7 +25,7 @@ const SUPPORT: [f64; 2] = [2.0, 30.0];
 const DIRECTIONS: [f64; 3] = [1.0, 0.25, 0.25];
 /// Duration of the half sine of the impact, s.
 const IMPACT: f64 = 3e-4;
-/// Level below that of the loudest mode from which on modes are not found, dB.
+/// Level of the softest modes that are found, relative to the loudest, dB.
 const QUIETEST: f64 = -50.0;
 /// Largest damping of a feature, 1/s: twice the `d_max` of the gate.
 const FASTEST: f64 = 1000.0;

@@ -27,7 +27,7 @@ use std::sync::mpsc::{Receiver, channel};
 const BLOCK: f64 = 0.001;
 /// Time over which the energy before a block is averaged, s.
 const BEFORE: f64 = 0.05;
-/// Sound before a knock that its analysis sees, s: it tells the noise.
+/// Sound before a knock that its analysis includes, s: it gives the noise.
 const LEAD: f64 = 0.1;
 /// Shortest time between two knocks, s.
 const APART: f64 = 0.05;

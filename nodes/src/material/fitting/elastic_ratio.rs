@@ -15,7 +15,7 @@ use crate::table::ResultTable;
 use crate::{params, ports};
 use serde::{Deserialize, Serialize};
 
-/// Score of the second best scale, relative to the best one, from which on the ratio is ambiguous.
+/// Minimum score of the second best scale, relative to the best one, at which the ratio is ambiguous.
 const AMBIGUOUS: f64 = 0.8;
 /// Share of the frequencies that have to match.
 const LEAST_SCORE: f64 = 0.5;

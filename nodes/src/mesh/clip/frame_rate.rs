@@ -41,7 +41,7 @@ fn is_regular(times: &[f64]) -> bool {
 }
 
 /// Describes how the frames of a file with own times differ from the `rate` of a stream, which the parameter `field` gives; `None` where
-/// they agree to 0.1 %, and for key frames of which none is left out. The speed of the motion is that of the file in any case.
+/// they agree to 0.1 %, and for key frames that are all included. The speed of the motion is that of the file in any case.
 #[must_use]
 pub fn rate_difference(times: &[f64], rate: Rate, field: &str) -> Option<String> {
     let (&first, &last) = (times.first()?, times.last()?);

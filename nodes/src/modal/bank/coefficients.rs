@@ -5,7 +5,7 @@ use crate::modal::mode::modes::Modes;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Fraction of the sample rate from which on a mode is left out.
+/// Maximum frequency of a mode, as a fraction of the sample rate; higher modes are left out.
 pub(crate) const MAX_FREQUENCY: f64 = 0.49;
 
 /// Minimum decay, in nepers per sample. Below it, rounding in single precision could let a mode grow. At 44.1 kHz, 60 dB then

@@ -30,7 +30,7 @@ const FRAME: f64 = 1024.0;
 const MAX_DECAY: f64 = 4.65;
 /// Vectors of modes whose coefficients are computed anew at a grid point.
 const REFRESHED: usize = 64;
-/// Number of sounding modes from which on [`BankForm::Auto`] takes the Fourier form.
+/// Number of sounding modes at which [`BankForm::Auto`] changes to the Fourier form.
 ///
 /// By the bench `modal` on one core with AVX-512, it is then 0.95 times as fast with an impact each 1024 samples, 1.3 times with one each 4096, and
 /// 1.7 times with one each second. At 128 modes it is 0.85, 1.06 and 1.3 times as fast.
@@ -131,7 +131,7 @@ pub(super) struct FourierForm {
     form: BankForm,
     fit: HopFit,
     hop: usize,
-    /// Bins of a mode with those added for alignment, of which the coefficients are 0.
+    /// Bins of a mode, with those added for alignment, whose coefficients are 0.
     width: usize,
     held: Vec<Held>,
     /// True for vectors in which a mode sounds.

@@ -239,7 +239,7 @@ impl Bank {
         LANES * self.awake.iter().zip(held).filter(|(awake, held)| **awake || *held).count()
     }
 
-    /// Hops of which modes were computed by Fourier transforms.
+    /// Hops whose modes were computed by Fourier transforms.
     #[must_use]
     pub fn hops(&self) -> u64 {
         self.fourier.as_ref().map_or(0, FourierForm::hops)

@@ -129,13 +129,13 @@ const MAX_AMPLITUDE: f64 = 4.0;
 const PENALTIES: [f64; 4] = [1e-9, 1e-3, 1e-2, 1e-1];
 /// The same for the final amplitudes.
 const AMPLITUDE_PENALTIES: [f64; 2] = [1e-9, 1e-2];
-/// Relative standard deviation of the decay rate from which on a mode is uncertain.
+/// Relative standard deviation of the decay rate at which a mode is uncertain.
 const UNCERTAINTY: f64 = 0.3;
 /// Distances from a mode at which the noise around it is measured, in half-power half-widths.
 const NEIGHBOURS: [f64; 6] = [-12.0, -9.0, -6.0, 6.0, 9.0, 12.0];
 /// Time after the recording in which modes should be silent, in its lengths.
 const AFTER: usize = 2;
-/// Time after the onset from which on the late residual is measured, s.
+/// Start of the late residual after the onset, s.
 const LATE: f64 = 0.005;
 
 /// The modes of a recording.

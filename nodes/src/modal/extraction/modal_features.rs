@@ -107,7 +107,7 @@ params! {
         highest: f64 = 20_000.0, unit "Hz", range 2.0..=200_000.0;
         /// Frequency (Hz) and reverberation time (s) of bands of the room.
         room: Vec<[f64; 2]> = Vec::new(), unit "Hz, s", range 0.001..=100_000.0;
-        /// Recording of a clap in the room, of which the reverberation time is measured.
+        /// Recording of a clap in the room, from which the reverberation time is measured.
         room_recording: Option<AssetPath> = None;
         /// True to compare each recording with its surrogate, which takes as long as the recording.
         surrogate: bool = true;

@@ -163,7 +163,7 @@ pub(super) fn unit_deviations(sines: &Sines, problem: &Problem) -> Option<Vec<[f
     let m = sines.exponents.len();
     let matrix = normal_matrix(sines, problem);
     let n = 4 * m;
-    // Modes that can hardly be told apart make the matrix singular; their deviations are large, whatever is added to its diagonal.
+    // Nearly equal modes make the matrix singular; their deviations are large, whatever is added to its diagonal.
     let (inverse, scale) = [0.0, 1e-12, 1e-10, 1e-8].into_iter().find_map(|damping| {
         let (scaled, scale) = scaled(&matrix, damping);
         let decomposition = scaled.llt(faer::Side::Lower).ok()?;

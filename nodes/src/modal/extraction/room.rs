@@ -18,7 +18,7 @@ pub const OBJECT: f64 = 0.6;
 const OCTAVES: [f64; 7] = [125.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0];
 /// Half-width of the flat part of an octave filter, octaves.
 const FLAT: f64 = 0.5;
-/// Share of modes beside louder and slower ones from which on a room is suspected, and their least number.
+/// Minimum share of modes beside louder and slower ones at which a room is suspected, and their minimum number.
 const SATELLITES: (f64, usize) = (0.2, 3);
 /// Ratio of the decay times of octaves below which they are those of a room, and their least number.
 const UNIFORM: (f64, usize) = (1.3, 6);

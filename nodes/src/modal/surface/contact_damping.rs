@@ -31,7 +31,7 @@ params! {
         kappa: f64 = 0.5, unit "s/m", range 0.0..=1.0e6_f64;
         /// Damping along the surface relative to that along the normal: the coefficient of friction.
         mu: f64 = 0.5, unit "", range 0.0..=10.0;
-        /// Age from which on a contact is a support: an impact must not damp its own sound.
+        /// Minimum age of a contact that is a support: an impact must not damp its own sound.
         min_age: f64 = 0.05, unit "s", range 0.0..=10.0;
         /// Sliding speed above which a contact is no support.
         max_slide: f64 = 0.05, unit "m/s", range 0.0..=1000.0;
@@ -63,7 +63,7 @@ struct Contact {
     key: (u32, u64),
     /// Number of the support.
     id: u64,
-    /// Tick from which on it counts.
+    /// First tick at which it counts.
     from: Tick,
     /// True if it is a support.
     supports: bool,

@@ -8,7 +8,7 @@ use crate::core::time::{Tick, seconds, ticks};
 use crate::impl_state;
 use serde::{Deserialize, Serialize};
 
-/// Number of frames that are kept of a contact; shorter ones are merged.
+/// Number of frames of a contact that are stored; shorter ones are merged.
 const CAPACITY: usize = 32;
 /// Acceleration of gravity, m/s^2.
 const GRAVITY: f64 = 9.81;
@@ -53,7 +53,7 @@ struct Recent {
 }
 
 impl Recent {
-    /// Adds a value that lasts `time`; as many are kept as cover `window`.
+    /// Adds a value that lasts `time`. Values that cover `window` are stored.
     fn push(&mut self, time: f64, value: f64, window: f64) {
         let shortest = window / (CAPACITY - 2) as f64;
         let newest = self.count.checked_sub(1).and_then(|k| self.values.get_mut(k % CAPACITY));
@@ -160,9 +160,9 @@ pub struct Jitter {
     change: f64,
 }
 
-/// Frames below which nothing is said about jitter.
+/// Minimum number of frames for a warning about jitter.
 const FEW_FRAMES: u64 = 20;
-/// Mean change over the mean force above which a force is said to jump.
+/// Ratio of mean change to mean force above which a force jumps.
 const JUMPS: f64 = 0.5;
 
 impl Jitter {

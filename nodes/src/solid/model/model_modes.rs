@@ -67,7 +67,7 @@ ports! {
         in {
             /// The modes with their shapes.
             model: Value<ModalModel>,
-            /// The material, of which the damping is used.
+            /// The material; its damping is used.
             material: Value<Material>,
         }
         out {

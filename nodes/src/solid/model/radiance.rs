@@ -98,7 +98,7 @@ fn face_sum(model: &ModalModel, mode: usize, listener: [f64; 3]) -> f64 {
         for (p, q) in [(0, 1), (1, 2), (2, 0)] {
             let middle: [f64; 3] = std::array::from_fn(|axis| 0.5 * (corners[p][axis] + corners[q][axis]));
             let r = norm(sub(listener, middle)).max(NEAREST);
-            // The normal is twice the area, of which each middle has a third.
+            // The normal is twice the area, and a third of it belongs to each middle.
             let source = 0.5 * (shapes[p] + shapes[q]) / (6.0 * r);
             sum[0] += source * libm::cos(k * r);
             sum[1] += source * libm::sin(k * r);

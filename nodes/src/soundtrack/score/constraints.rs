@@ -88,7 +88,7 @@ pub struct Constraint {
     pub weight: f64,
     /// True if the weight is 1 over the whole span.
     pub is_hard: bool,
-    /// The layer of a morph, 0 or 1: targets of different sets that overlap have different layers, as far as two are enough.
+    /// The layer of a morph, 0 or 1: targets of different sets that overlap have different layers, if two layers suffice.
     pub layer: usize,
 }
 

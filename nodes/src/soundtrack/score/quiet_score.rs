@@ -20,7 +20,7 @@ params! {
     pub struct QuietScoreParams {
         /// Factor on the weights of quiet targets.
         factor: f64 = 0.25, unit "", range 0.0..=1.0;
-        /// Share of a sound from which on it is quiet.
+        /// Minimum share of a sound that counts as quiet.
         share: f64 = 0.9, unit "", range 0.0..=1.0;
     }
 }

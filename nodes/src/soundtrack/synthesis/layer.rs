@@ -21,7 +21,7 @@ pub struct Recent {
 }
 
 impl Recent {
-    /// Nothing yet of `nodes` nodes, of which the last `limit` choices count.
+    /// Creates the empty history of `nodes` nodes, in which the last `limit` choices count.
     fn new(nodes: usize, limit: usize) -> Self {
         let counts = vec![0; if limit > 0 { nodes } else { 0 }];
         Self { counts, order: VecDeque::with_capacity(limit), limit }

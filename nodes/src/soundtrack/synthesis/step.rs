@@ -320,7 +320,7 @@ impl Step<'_> {
         pair
     }
 
-    /// The search ends at the depth from which on the kind that is not found yet would match too badly.
+    /// The search ends at the depth at which the kind that is not found yet would match too badly.
     fn pair_of(
         &self,
         classes: &mut Classes,

@@ -24,7 +24,7 @@ choices! {
 
 /// The least number of samples of a recording.
 pub const MIN_SAMPLES: usize = 16;
-/// Number of roots from which on those at the ends of a recording without wrap are never chosen.
+/// Minimum number of roots at which those at the ends of a recording without wrap are never chosen.
 const MANY_ROOTS: u32 = 16;
 /// Coefficients below this share of the peak are rounding errors of zeros.
 const ZERO: f64 = 1e-10;

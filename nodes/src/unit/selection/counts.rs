@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::picks::Pick;
 use crate::core::node::Summary;
 
-/// Share of units without a near enough match from which on it is reported.
+/// Minimum share of units without a near enough match that is reported.
 const MAX_FALLBACK_SHARE: f64 = 0.2;
 
 /// Counts of the picks of a channel.

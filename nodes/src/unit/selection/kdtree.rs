@@ -272,7 +272,7 @@ pub fn squared(a: &[f32], b: &[f32]) -> f64 {
 /// Coordinates that a vector register of any processor holds.
 const QUAD: usize = 4;
 
-/// Number of points from which on two threads put them in order.
+/// Minimum number of points that two threads sort.
 const SHARED: usize = 4096;
 
 /// Number of children of a node over some points: as many as a tree of this height needs, each with as many points.

@@ -12,7 +12,7 @@ use crate::unit::UnitDatabase;
 
 /// Window over which fallbacks are counted, seconds.
 const WINDOW: f64 = 0.5;
-/// Share of fallbacks in a window from which on it is listed.
+/// Minimum share of fallbacks of a window that is listed.
 const POOR_SHARE: f64 = 0.2;
 
 /// One channel of a selection.

@@ -135,7 +135,7 @@ impl Bank {
     }
 }
 
-/// Sets the gains of a contact point, of which every `points`-th element of `inputs` holds sixteen.
+/// Sets the gains of a contact point; every `points`-th element of `inputs` holds sixteen of them.
 pub(super) fn set_gains(
     inputs: &mut [InputGain],
     points: usize,

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 const SHORT: usize = 32;
 /// Active columns for which a block is a row longer: fronts are stored at its ends, decisions for its rows.
 const COLUMNS_PER_ROW: usize = 150;
-/// Blocks of which the decisions are stored at once, for each thread.
+/// Blocks whose decisions are stored at once, for each thread.
 const DECIDED: usize = 8;
 /// Places at which some rows are computed to find how many columns are active.
 const PLACES: usize = 16;
@@ -100,7 +100,7 @@ impl<'a> Programme<'a> {
         front
     }
 
-    /// Computes the fronts again as far as they differ; returns the computed blocks.
+    /// Computes the fronts again where they differ; returns the computed blocks.
     fn forward(&mut self, changed: &[bool]) -> Vec<bool> {
         let mut computed = changed.to_vec();
         let mut stale: Vec<usize> = (0..changed.len()).filter(|b| changed[*b]).collect();
