@@ -77,7 +77,7 @@ impl FitOptions {
         Self { per_feature: false, ..Self::new(family) }
     }
 
-    /// The normalised sample, with the noise that these options ask for.
+    /// The normalised sample, with the noise that these options require.
     pub(crate) fn sample(&self, points: &[DampingPoint]) -> Result<Sample, EstimationError> {
         let mut sample = Sample::new(points, self.family)?;
         if self.relative_noise > 0.0 {

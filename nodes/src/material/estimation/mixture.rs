@@ -154,8 +154,8 @@ impl<'a> Mixture<'a> {
         self.likelihood.total_weight()
     }
 
-    /// The shares of the clusters of which more than half is spurious at `z`, if a share of its own raises the likelihood of a cluster by
-    /// more than the logarithm of the number of points.
+    /// Shares of the clusters that are mostly spurious at `z`, where a share of its own raises the likelihood of a cluster by more than the
+    /// logarithm of the number of points.
     fn crowded(&self, z: &[f64], points: &[DampingPoint]) -> Vec<u32> {
         let n = self.others(z);
         let mut densities = Vec::new();

@@ -35,7 +35,7 @@ pub enum FitWarning {
     NonRegular(String),
     /// Fewer recordings than an estimate of the constant part needs.
     FewRecordings(usize),
-    /// The noise is wider than the excess: the constant part and the mean support damping are told apart by little. The sum is
+    /// The noise is wider than the excess: the constant part and the mean support damping can hardly be separated. The sum is
     /// `a1 + 1/eta`, 1/s.
     SupportConfounded {
         /// `eta sigma`.

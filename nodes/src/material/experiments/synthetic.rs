@@ -212,8 +212,8 @@ impl Collection {
     }
 
     /// The same sounds as audio of 2 s at 44.1 kHz, with white noise of an RMS `noise` relative to the peak; their features are those
-    /// that [`extract`] finds and the default [`Gate`] lets pass. A sound of which nothing is found has none, and so have those after
-    /// `monitor` has stopped it.
+    /// that [`extract`] finds and the default [`Gate`] lets pass. A sound in which nothing is found has no features; neither have the sounds
+    /// after `monitor` has stopped it.
     ///
     /// # Complexity
     /// An extraction, of some tenths of a second, for each sound, in parallel; a function of `rng` for any number of threads.

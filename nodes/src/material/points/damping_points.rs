@@ -19,7 +19,7 @@ pub const MAX_POINTS: usize = 1 << 20;
 pub enum DropReason {
     /// It decays too slowly for a mode.
     DTooSmall,
-    /// It decays too fast to be told from the contact.
+    /// It decays too fast to be distinguished from the contact.
     DTooLarge,
     /// Its amplitude is too far below that of the loudest.
     Quiet,
@@ -102,7 +102,7 @@ impl DampingPoints {
 /// deviation of that column), `weight`, `recording` (a name) and `mode` (a number shared by the recordings of one mode).
 ///
 /// # Errors
-/// A message with the line, what was found, and what would be right.
+/// A message with the line, the value found, and what is needed.
 ///
 /// # Example
 /// ```

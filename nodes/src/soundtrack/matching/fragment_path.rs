@@ -35,7 +35,7 @@ params! {
         shortest: f64 = 0.1, unit "s", range 0.0..=60.0;
         /// Number of the closest fragments that are considered.
         closest: usize = 5, unit "", range 1..=1000;
-        /// Consider the fragments too that follow those of the fragment before.
+        /// Also consider the fragments that follow those of the fragment before.
         extend: bool = true;
         /// Compare motions relative to the mean of each fragment.
         relative: bool = false;

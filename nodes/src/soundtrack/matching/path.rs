@@ -66,7 +66,7 @@ fn scale_of(lists: &[Vec<Candidate>], least: f64) -> f64 {
     quantile(&all, 0.5).max(least).max(f64::MIN_POSITIVE)
 }
 
-/// The path with the least sum of distances, over their median, and of `break_cost` for each fragment that does not follow the one before it. Its cost
+/// Returns the path with the least sum of distances, over their median, and of `break_cost` for each fragment that does not follow the one before it. Its cost
 /// and the number of consecutive fragments come with it. `least` is the least median.
 ///
 /// # Complexity

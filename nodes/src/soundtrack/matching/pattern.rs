@@ -30,7 +30,7 @@ pub struct QueryRules {
     pub radius: f64,
     /// Normalisation of motions.
     pub normalisation: Normalisation,
-    /// Try every length, and not only those with the ratio of a fourth of an octave.
+    /// Try every length, not only those with the ratio of a fourth of an octave.
     pub exhaustive: bool,
     /// Greatest number of matches, the most similar ones; `None` for all.
     pub count: Option<usize>,

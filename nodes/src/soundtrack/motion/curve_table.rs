@@ -115,7 +115,7 @@ impl CurveTable {
 /// objects such as `{"time": 0.5, "height": 1.2}`, with the names of the first line. Empty fields, `nan` and `null` are gaps.
 ///
 /// # Errors
-/// Line, what was found and what would be right.
+/// The line, the value found, and what is needed.
 ///
 /// # Example
 /// ```

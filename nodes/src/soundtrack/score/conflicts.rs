@@ -44,7 +44,7 @@ impl Conflicts<'_> {
         self.sets.get(set).map(|s| self.score.names(&s.sources)).unwrap_or_default()
     }
 
-    /// Checks that at no time two sounds are hard inclusions, unless they morph, and that at each time hard inclusion and exclusions leave something.
+    /// Checks that no two sounds are hard inclusions at one time, unless they morph, and that hard inclusions and exclusions leave candidates at each time.
     ///
     /// # Errors
     /// The first conflict, at the later of its targets.

@@ -117,7 +117,7 @@ impl Overlap {
         }
     }
 
-    /// The one of the greatest weight, an inclusion of equals.
+    /// The constraint of the greatest weight; of equal ones an inclusion.
     #[must_use]
     pub fn greatest(&self) -> Option<Constraint> {
         let inclusion = self.inclusions[0];
@@ -245,7 +245,7 @@ impl Constraints {
     }
 }
 
-/// Gives targets, in order of their starts, layers: one whose targets have ended, or are of the same set, or else that which ends first.
+/// Assigns layers to targets, in order of their starts: a layer whose targets have ended or are of the same set, or else the one that ends first.
 fn layer(targets: &mut [Target]) {
     let mut last = [(f64::NEG_INFINITY, usize::MAX); 2];
     for target in targets {

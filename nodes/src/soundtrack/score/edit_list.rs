@@ -114,11 +114,11 @@ impl EditList {
 /// CMX 3600. `fps` are the frames per second of CMX timecodes.
 ///
 /// A table is CSV with the columns `target_from`, `target_to`, `source_from`, `source_to` (s) and, optionally, `recording` and `weight`.
-/// Of a CMX list the events with picture are read or, if there is none, those with sound; of OpenTimelineIO the first video track or, if
+/// CMX 3600: the events with picture are read or, if there is none, those with sound; OpenTimelineIO: the first video track or, if
 /// there is none, the first track.
 ///
 /// # Errors
-/// Line and column, what was found, and what would be right.
+/// Line and column, the value found, and what is needed.
 ///
 /// # Example
 /// ```

@@ -41,8 +41,8 @@ pub struct ScoreSource {
 pub struct ScoreTarget {
     /// The sounds, by index, in increasing order.
     pub sources: Vec<usize>,
-    /// The weight over time: 1 is hard inclusion and -1 hard exclusion; between, it is the probability that they are included, or
-    /// excluded, beyond what chance makes of it. 0 is no constraint.
+    /// The weight over time: 1 is hard inclusion and -1 hard exclusion; between them it is the probability of inclusion or exclusion, in
+    /// addition to that of a random choice. 0 is no constraint.
     pub curve: WeightCurve,
     /// Location in its file.
     pub location: Location,

@@ -27,7 +27,7 @@ impl Recent {
         Self { counts, order: VecDeque::with_capacity(limit), limit }
     }
 
-    /// Goes on with the choices of another texture of the same model and limit. Allocates nothing.
+    /// Continues with the choices of another texture of the same model and limit. Allocates nothing.
     pub fn follow(&mut self, other: &Self) {
         self.counts.copy_from_slice(&other.counts);
         self.order.clear();
@@ -39,7 +39,7 @@ impl Recent {
         factor.powi(self.counts.get(node as usize).copied().unwrap_or(0).into())
     }
 
-    /// Adds one, and forgets the oldest if there are too many.
+    /// Adds one, and removes the oldest if there are too many.
     pub fn add(&mut self, node: u32) {
         if self.limit == 0 {
             return;
@@ -87,7 +87,7 @@ impl Remaining {
         }
     }
 
-    /// Forgets all candidates.
+    /// Removes all candidates.
     pub fn clear(&mut self) {
         self.ranges.fill((0, 0));
         self.nodes.clear();
@@ -103,9 +103,9 @@ pub struct Layer {
     pub approximation: Vec<f32>,
     /// The candidates of the current root.
     pub classes: Classes,
-    /// Those that were left, for a narrow search.
+    /// Candidates that were left, for a narrow search.
     pub remaining: Remaining,
-    /// Those that are compared first.
+    /// Candidates that are compared first.
     pub first: Vec<u32>,
     /// Nodes that were chosen recently, by level.
     pub recent: Vec<Recent>,

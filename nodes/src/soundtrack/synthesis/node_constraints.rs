@@ -16,14 +16,14 @@ pub struct NodeConstraints {
     pub distance: u32,
     /// The layer that is heard.
     pub lead: usize,
-    /// If both are heard, the share of the first.
+    /// The share of the first layer, if both are heard.
     pub share: Option<f64>,
     /// Sets that must not occur.
     pub forbidden: Vec<usize>,
 }
 
 impl NodeConstraints {
-    /// Those of a node with an index from the beginning of the output. If sounds morph, two inclusions may hold.
+    /// Constraints of a node with an index from the beginning of the output. If sounds morph, two inclusions may hold.
     pub fn at(
         model: &TextureModel,
         constraints: &Constraints,

@@ -42,7 +42,7 @@ fn short(name: &str) -> &str {
 }
 
 impl<'a> SoundtrackFigure<'a> {
-    /// Of the positions of an output.
+    /// Creates the figure of the positions of an output.
     pub fn new(
         positions: &'a [SourcePosition],
         rate: f64,
@@ -100,7 +100,7 @@ impl<'a> SoundtrackFigure<'a> {
         Chart::of("score", TIME, ("weight", false), lines)
     }
 
-    /// The sound that the output is of at a time: of several the one that is wanted then.
+    /// The sound that the output comes from at a time; of several, the one that is wanted then.
     fn sound_at(&self, t: f64) -> Option<usize> {
         let position = self.positions.get((t * self.rate) as usize)?;
         let (recording, time) = (position.recording as usize, f64::from(position.seconds));

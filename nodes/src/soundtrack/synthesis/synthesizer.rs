@@ -20,8 +20,8 @@ const FEW: usize = 64;
 /// The longest stretch is drawn for each root, between this share of it and the whole.
 const SHORTEST_RUN: f64 = 0.25;
 
-/// The weight of a root for each time that it was chosen in the last half of as many choices as there are roots. So a minute has the statistics of a
-/// recording, however few roots are loud; the probability of what a score wants is as without it.
+/// The weight of a root for each time that it was among the recent choices, half as many as there are roots. So a minute has the statistics of a
+/// recording, however few roots are loud; the probability of what a score wants is unchanged.
 const AGAIN: f64 = 0.02;
 
 /// The set of a root in which two sounds are mixed.
@@ -64,13 +64,13 @@ pub struct Synthesizer {
 }
 
 impl Synthesizer {
-    /// Begins at another root; what was made before becomes its history.
+    /// Begins another root; the previous output becomes its history.
     pub fn go_to(&mut self, root: i64) {
         self.next = root;
     }
 
-    /// Goes on where another texture of the same model is, with as much of its history as counts here; of the nodes that were chosen lately, the roots
-    /// of the present round are taken over. Allocates nothing.
+    /// Continues from another texture of the same model, with as much of its history as counts here; of the recent choices, the roots of the
+    /// present round are taken over. Allocates nothing.
     pub fn follow(&mut self, other: &Self) {
         for (k, own) in self.layers.iter_mut().enumerate() {
             if let Some(other) = other.layers.get(k).or(other.layers.first()) {
@@ -85,7 +85,7 @@ impl Synthesizer {
         self.counts = other.counts;
     }
 
-    /// A texture before its first root, which is `first`; what is before 0 and after `end`, in s, has the constraints there.
+    /// A texture before its first root, `first`; the constraints at 0 hold before it, and those at `end`, in s, hold after it.
     #[must_use]
     pub fn new(
         model: Arc<TextureModel>,
@@ -194,8 +194,8 @@ impl Synthesizer {
         }
     }
 
-    /// The candidates for a node of the last root, as if it had no constraint: those that match as many of its ancestors as any, and of these those
-    /// that match as many predecessors as any. `None` for a leaf, or if nothing matches.
+    /// The candidates for a node of the last root, as if it had no constraint: those with the most ancestors that match, and of these those
+    /// with the most predecessors that match. `None` for a leaf, or if nothing matches.
     pub fn candidates(&mut self, level: usize, node: usize) -> Option<(Vec<u32>, Best)> {
         let root = self.next - 1;
         let Self { model, constraints, rules, random, layers, has_masks, .. } = self;

@@ -12,9 +12,9 @@ choices! {
     /// The coefficients that thresholds are taken from.
     #[derive(Serialize, Deserialize)]
     pub enum ThresholdScale {
-        /// Those of all levels: one threshold.
+        /// All coefficients: one threshold.
         Global,
-        /// Those of each level: a threshold for each.
+        /// The coefficients of each level: a threshold for each.
         PerLevel,
     }
 }

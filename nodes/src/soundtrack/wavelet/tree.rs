@@ -13,7 +13,7 @@ choices! {
     /// Method by which a recording becomes a whole number of spans of the coarsest level.
     #[derive(Serialize, Deserialize)]
     pub enum TreeFit {
-        /// Its end is faded into its beginning: its last node precedes its first.
+        /// Its end is faded into its beginning, so that its last node precedes its first.
         Circular,
         /// It is continued by its mirror image, which is never chosen.
         PadReflect,
@@ -28,7 +28,7 @@ pub const MIN_SAMPLES: usize = 16;
 const MANY_ROOTS: u32 = 16;
 /// Coefficients below this share of the peak are rounding errors of zeros.
 const ZERO: f64 = 1e-10;
-/// Longest span of a root, s: what is shorter can be copied as a whole.
+/// Longest span of a root, s: shorter events can be copied as a whole.
 const BLOCK: f64 = 0.5;
 
 /// The reason why a recording has no tree.
@@ -272,7 +272,7 @@ impl WaveletTree {
         self.sources.partition_point(|s| s.first <= root).saturating_sub(1)
     }
 
-    /// True if a node is never chosen: it is of padding, or of an end that the transform mixes with the other end.
+    /// True if a node is never chosen: it is padding, or part of an end that the transform mixes with the other end.
     #[must_use]
     pub fn is_masked(&self, level: usize, node: u32) -> bool {
         let Some(source) = self.sources.get(self.source_of(node >> level)) else { return true };

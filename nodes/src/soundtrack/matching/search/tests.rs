@@ -97,7 +97,7 @@ fn bounds_leave_nothing_out() {
     }
 }
 
-/// Of the matches of the exact search, those that iterative deepening misses.
+/// Matches of the exact search that iterative deepening misses.
 #[test]
 fn iterative_deepening_misses_no_more_than_its_tolerance() {
     for tolerance in [0.01, 0.1, 0.5] {
