@@ -188,7 +188,7 @@ impl CorrelationPatterns {
         Ok(())
     }
 
-    /// Checks what does not depend on the dictionary.
+    /// Checks everything that does not depend on the dictionary.
     ///
     /// # Errors
     /// The first thing found.

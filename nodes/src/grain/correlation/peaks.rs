@@ -16,7 +16,7 @@ pub struct Normaliser {
 }
 
 impl Normaliser {
-    /// For a recording. Windows with a root mean square below `floor_db` of its peak, or below -120 dB of full scale, correlate with nothing.
+    /// Creates the norms of a recording. Windows with a root mean square below `floor_db` of its peak, or below -120 dB of full scale, have no correlation.
     #[must_use]
     pub fn new(x: &[f32], floor_db: f64, is_global: bool) -> Self {
         let mut energy = Vec::with_capacity(x.len() + 1);
@@ -59,7 +59,7 @@ impl Normaliser {
         common.max(self.floor * (len as f64).sqrt())
     }
 
-    /// As [`Self::least`], found in parts of `count`, since it is closer for few windows.
+    /// As [`Self::least`], found in parts of `count`, since the bound is tighter for few windows.
     #[must_use]
     pub fn least_of(&self, t: usize, count: usize, len: usize) -> f64 {
         (t..t + count).step_by(BLOCK).map(|t| self.least(t, BLOCK, len)).fold(f64::INFINITY, f64::min)
@@ -73,7 +73,7 @@ impl Normaliser {
     }
 }
 
-/// Outputs that are skipped, or normalised, together.
+/// Number of outputs that are skipped, or normalised, together.
 const BLOCK: usize = 64;
 
 /// Normalised correlations of one grain, computed block by block when they are needed.
@@ -120,7 +120,7 @@ pub struct GrainCorrelation<'a> {
     pub normaliser: &'a Normaliser,
     /// Take peaks of the magnitude.
     pub absolute: bool,
-    /// The transforms that compute `y`, whose rounding errors count as if they raised each value; none if it is there and exact.
+    /// The transforms that compute `y`, with their rounding errors added to each value; none if it is there and exact.
     pub transforms: Option<Transforms<'a>>,
     scores: &'a mut Scores,
 }

@@ -28,7 +28,7 @@ pub struct Grain {
     pub reach: [u16; 2],
     /// Samples of its tapers.
     pub taper: [u16; 2],
-    /// Factor of the windowed grain: that which gives it the mean square of its segment if its tapers lie inside, else 1.
+    /// Factor of the windowed grain that gives it the mean square of its segment if its tapers lie inside, else 1.
     pub gain: f32,
     /// Mean square of the windowed grain, channels averaged.
     pub power: f32,
@@ -82,7 +82,7 @@ pub struct GrainSource {
     pub frames: u64,
 }
 
-/// Successive samples of a source: grains that were neighbours, and a margin at both ends.
+/// Successive samples of a source: neighbouring grains, and a margin at both ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
     /// Its first sample in the samples of the dictionary.
@@ -95,7 +95,7 @@ pub struct Run {
 
 /// Grains of many recordings.
 ///
-/// Grains that were neighbours share the samples around their cut, so that nothing is stored twice.
+/// Neighbouring grains share the samples around their cut, so that nothing is stored twice.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GrainDictionary {
     /// [`GRAINS_VERSION`].

@@ -113,7 +113,7 @@ pub(super) fn renumbered(retained: &[bool]) -> Vec<Option<u32>> {
     retained.iter().map(number).collect()
 }
 
-/// Removes, of the peaks of one grain that lie within half of it, all but the best.
+/// Removes all but the best of the peaks of one grain that lie within half of it.
 fn without_doubles(peaks: Vec<Peak>, dictionary: &GrainDictionary) -> Vec<Peak> {
     let mut order: Vec<usize> = (0..peaks.len()).collect();
     order.sort_by_key(|k| (peaks[*k].grain, peaks[*k].t));
@@ -136,7 +136,7 @@ fn without_doubles(peaks: Vec<Peak>, dictionary: &GrainDictionary) -> Vec<Peak> 
 
 /// Replaces each grain by its leader, in the dictionary, which retains `margin` samples around each leader, and in the patterns.
 ///
-/// Patterns of another dictionary are not valid here: check them first.
+/// Patterns of another dictionary are not valid here: check them before.
 #[must_use]
 pub fn merged(
     dictionary: &GrainDictionary,

@@ -173,7 +173,7 @@ fn random_grains(
     of_first(fits)
 }
 
-/// Compares bytes and errors of recordings stored as grains: all grains, grains of fewer bits, grains merged from several correlations on,
+/// Compares bytes and errors of recordings stored as grains: all grains, grains of fewer bits, grains merged above several correlations,
 /// grains under several budgets, and random grains under the same budgets.
 ///
 /// Bytes are those of the files; the patterns have the grains of the walk and no others. Errors are those of the sounds of all recordings,

@@ -16,13 +16,13 @@ use crate::table::ResultTable;
 use crate::{params, ports};
 
 params! {
-    /// Makes a dictionary smaller: of grains that are nearly the same, one stands for all.
+    /// Makes a dictionary smaller: one grain replaces each cluster of nearly equal grains.
     ///
     /// Grains that patterns use most come first; each joins the one that correlates most with it, by at least `merge`, or stays. Patterns are
     /// rewritten: another grain at another time, with the gain of the least error. The error of a grain that is replaced is
     /// `sqrt(1 - merge^2)` of it at most: 0.9 leaves -7.2 dB, 0.99 leaves -17 dB.
     ///
-    /// Without `patterns`, a dictionary becomes smaller before recordings are correlated with it, which takes less time by as much.
+    /// Without `patterns`, a dictionary becomes smaller before recordings are correlated with it, which shortens the correlation in proportion.
     ///
     /// `table` has the cluster of each grain.
     ///

@@ -18,7 +18,7 @@ use crate::{params, ports};
 params! {
     /// Compares the bytes of recordings that are stored as grains with the errors of their sound.
     ///
-    /// The rows are all grains, grains of fewer bits, grains merged from several correlations on as by `GrainCluster`, and grains under several
+    /// The rows are all grains, grains of fewer bits, grains merged above several correlations as by `GrainCluster`, and grains under several
     /// budgets as by `GrainSubset`, with the mean of random grains under the same budgets. Bytes are those of the files of grains and of
     /// patterns, which have the grains of the walk only. Errors are the segmental signal-to-noise ratio, of frames of 20 ms between -10 and
     /// 35 dB, and the log-spectral distance.

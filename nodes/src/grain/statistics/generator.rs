@@ -43,10 +43,10 @@ pub struct GeneratedGrain {
     pub interval: f64,
 }
 
-/// Draws grain after grain from a model, or from between two.
+/// Draws grains one by one from a model, or from a mixture of two.
 ///
-/// Intervals and levels have the distributions of the model; levels of successive grains are correlated as in it; clusters follow each other
-/// with its probabilities. Between two models quantiles are interpolated, and the probabilities of clusters mixed.
+/// Intervals and levels have the distributions of the model. Levels of successive grains are correlated as in the model, and clusters follow
+/// each other with its probabilities. Between two models quantiles are interpolated, and the probabilities of clusters mixed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Generator {
     /// Number of grains so far.

@@ -29,10 +29,10 @@ params! {
     /// Plays grains of recordings that follow contacts: impacts, sliding and rolling.
     ///
     /// An impact plays a recording of an impact whose tags are those of `impact`, with an amplitude that follows its energy. With patterns each
-    /// recording has `variations`, whose grains are exchanged for similar ones, and no impact sounds like another. Sliding and rolling play
-    /// chains of grains of continuous recordings, one after the other, whatever the rate of the physics, with a level that follows the
-    /// power of the contact. The frequency of the steady part follows the speed; the transient part remains as it was recorded. With `tracks` of the
-    /// dictionary a steady grain lasts as long as its recording, at any frequency; without them it is played faster or slower. All
+    /// recording has `variations`, whose grains are exchanged for similar ones, so that no two impacts are equal. Sliding and rolling play
+    /// chains of grains of continuous recordings, one after the other, at any rate of the physics, with a level that follows the
+    /// power of the contact. The frequency of the steady part follows the speed; the transient part remains as it was recorded. With `tracks` of
+    /// the dictionary a steady grain has the duration of its recording at any frequency; without them it is played faster or slower. All
     /// contacts of two bodies are one chain. Rubbing at another speed may not change the spectrum, while a load widens its peaks: `gamma: 0`
     /// with `width_by_load` follows that.
     ///

@@ -23,8 +23,8 @@ use std::sync::Arc;
 params! {
     /// Plays a recording from its pattern of grains.
     ///
-    /// After each grain the best one follows that begins where its last taper begins, or soon after. Each has the power of the recording
-    /// under it. Grains that were neighbours join without a trace, others are faded over. Steady and transient part are added.
+    /// Each grain is followed by the best one that begins where its last taper begins, or soon after. Each has the power of the recording
+    /// under it. Neighbouring grains join seamlessly, others are cross-faded. Steady and transient part are added.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 4.1. The
