@@ -10,11 +10,11 @@ use super::spectrogram::spectrogram;
 use super::statistics::SoundStatistics;
 use super::takes::Take;
 
-/// Active frames of a recording that is measured at least.
+/// Minimum number of active frames of a recording that is measured.
 const LEAST_FRAMES: usize = 4;
 /// Places that are listed of each kind.
 const PLACES: usize = 100;
-/// Least tolerance of a range in dB, and of one of kurtosis, relative.
+/// Minimum tolerance of a range in dB, and of one of kurtosis, relative.
 const TOLERANCE: (f64, f64) = (0.5, 0.1);
 
 /// Known properties of a sound, and the rules of the search for repeats.

@@ -12,7 +12,7 @@ const LEAST_CONTRAST: f64 = -4.0;
 /// Points of a distribution.
 const POINTS: usize = 200;
 
-/// Curves that only the figure shows: each of the sound and of the recordings.
+/// Curves of the figure only: each of the sound and of the recordings.
 pub(super) struct Distributions {
     /// Levels of frames, dB of full scale.
     pub levels: [Vec<f64>; 2],

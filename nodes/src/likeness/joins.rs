@@ -11,7 +11,7 @@ pub(super) const HIGH: f64 = 8000.0;
 const AROUND: f64 = 0.005;
 /// Blocks within that duration.
 const BLOCKS: usize = 10;
-/// Joins that are nearer to a louder one are not listed, s: they are the same place.
+/// Minimum distance of a listed join from a louder one, s.
 const APART: f64 = 0.02;
 /// The share of intervals of the recordings that are softer than the limit.
 const SHARE: f64 = 0.95;

@@ -30,7 +30,7 @@ pub struct TakeFigures {
     pub level_db: Option<f64>,
 }
 
-/// Shares of active frames that stood in the sound shortly before.
+/// Shares of active frames that repeat an earlier part of the sound.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RepeatReport {
     /// Time before each frame that is searched, s.
@@ -117,7 +117,7 @@ impl Statistic {
 pub struct Likeness {
     /// Length and level of the sound.
     pub sound: TakeFigures,
-    /// Those of each recording.
+    /// Likeness of each recording.
     pub recordings: Vec<TakeFigures>,
     /// True if the ranges are of parts of the only recording.
     pub parts: bool,

@@ -107,7 +107,7 @@ pub(crate) struct Radiation {
 }
 
 impl Radiation {
-    /// For modes whose steps are set, with `damping` times all dampings.
+    /// Coefficients of modes whose steps are set, with `damping` times all dampings.
     #[inline(always)]
     pub fn new(group: &Group, damping: f64, lanes: &Lanes) -> Self {
         let mut radiation = Self { turn: [[0.0; LANES]; 2], constant: [[0.0; LANES]; 2] };

@@ -96,7 +96,7 @@ impl Dampings {
     }
 }
 
-/// Combines each number with its own of `others`, or with the only one.
+/// Combines each number with the corresponding one of `others`, or with the only one.
 fn each(numbers: &mut [f32], others: &[f32], combine: impl Fn(&mut f32, f32)) {
     match others {
         [one] => numbers.iter_mut().for_each(|x| combine(x, *one)),

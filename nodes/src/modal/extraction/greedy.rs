@@ -18,7 +18,7 @@ const SEARCHED: f64 = 0.2;
 const MAX_REJECTS: usize = 60;
 /// Number of modes after which the amplitudes of all are fitted again.
 const REFIT: usize = 10;
-/// Largest relative residual of a fit: what it leaves may be other modes.
+/// Largest relative residual of a fit: the residual may be other modes.
 const MAX_RESIDUAL: f64 = 0.5;
 /// Smallest decay over the fitted frames, nepers: 3 dB.
 const LEAST_DECAY: f64 = 0.345;
@@ -36,7 +36,7 @@ pub(super) struct Request<'a> {
     pub(super) target: f64,
     /// Domain of the fit.
     pub(super) domain: FitDomain,
-    /// Exponents that are known: modes are searched in what these leave.
+    /// Known exponents: modes are searched in the residual of these.
     pub(super) known: &'a [C],
 }
 

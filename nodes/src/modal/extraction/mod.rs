@@ -1,7 +1,7 @@
 //! Modes from recordings.
 //!
-//! Candidates come from ESPRIT in bands (`subband`), from peaks of spectrograms (`greedy`), or from both, are selected by what they explain
-//! (`dictionary`), and refined jointly (`refinement`).
+//! Candidates come from ESPRIT in bands (`subband`), from peaks of spectrograms (`greedy`), or from both. They are selected by the energy that
+//! they explain (`dictionary`), and refined jointly (`refinement`).
 
 mod bands;
 pub mod comparison;

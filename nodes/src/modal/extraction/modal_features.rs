@@ -62,15 +62,15 @@ params! {
     /// Modes of recordings of impacts, with uncertainties, for a `FeatureGate` and a `DampingFit`.
     ///
     /// Recordings come from a list, from a folder, and from a manifest of takes, a CSV with the columns `file` (relative to the CSV), and
-    /// optionally `object`, `material`, `support`, `hit`, `striker` and `licence`. Each is explained by damped sines, as in
-    /// `ModalFromRecording`. Their frequencies and decay rates have standard deviations, which follow from what is left unexplained
-    /// around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it lists what was found, with the drift of the
-    /// phase of each mode, and `table` has a row for each recording, for a `TableOut`.
+    /// optionally `object`, `material`, `support`, `hit`, `striker` and `licence`. Each recording is explained by damped sines, as in
+    /// `ModalFromRecording`. Their frequencies and decay rates have standard deviations, which follow from the unexplained energy
+    /// around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it lists the results, with the drift of the
+    /// phase of each mode. `table` has a row for each recording, for a `TableOut`.
     ///
     /// A recording rings if it is explained better by 5 dB than noise with the same spectrogram, its surrogate: dull thuds are explained
-    /// as well as their surrogates, and their modes say little of the material. Surrogates depend on the index of the recording only.
-    /// Takes of one object have the same poles: modes of one take explain another up to a tenth of its energy, with other
-    /// amplitudes. The summary names takes that do not fit to the others.
+    /// as well as their surrogates, and their modes contain little information about the material. Surrogates depend on the index of the
+    /// recording only. Takes of one object have the same poles: modes of one take explain another up to a tenth of its energy, with other
+    /// amplitudes. The summary names takes that do not fit the others.
     ///
     /// A room adds poles of its own around each mode, and hides modes that decay faster than its sound. With its reverberation time,
     /// typed or measured, modes that decay at 0.6 of its rate `6.908 / T60` or faster are left out.
@@ -124,9 +124,9 @@ ports! {
             /// Results of the extraction, with spectrograms.
             report: Value<ExtractionReport>,
             /// A row for each recording: onset, modes and those with a certain decay, energy that no mode explains (of the recording, of its
-            /// surrogate, and from 5 ms after the onset on), whether it rings, what the modes of other takes leave unexplained, warnings.
+            /// surrogate, and from 5 ms after the onset on), if it rings, energy that the modes of other takes leave unexplained, warnings.
             table: Value<ResultTable>,
-            /// A row for each pair of takes of one object: what the modes of each leave unexplained of the other.
+            /// A row for each pair of takes of one object: the energy of each that the modes of the other leave unexplained.
             pairs: Value<ResultTable>,
         }
     }

@@ -1,4 +1,4 @@
-//! A test of takes: recordings of one object have the same poles, whatever was struck where.
+//! A test of takes: recordings of one object have the same poles, whatever the hit point and the striker.
 
 use super::feature::FeatureSet;
 use super::onset::onset;

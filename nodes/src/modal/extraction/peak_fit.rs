@@ -16,7 +16,7 @@ choices! {
     pub enum FitDomain {
         /// The complex spectra, which separate modes that interfere.
         Complex,
-        /// Their squared magnitudes, without the noise, as in the paper: for comparison. What interferes is taken for decay.
+        /// Their squared magnitudes, without the noise, as in the paper: for comparison. Interference counts as decay.
         Power,
     }
 }

@@ -17,7 +17,7 @@ const RANGE: f64 = 70.0;
 const FREQUENCIES: [f64; 2] = [40.0, 20_000.0];
 /// Maximum duration of the picture, s.
 const LONGEST: f64 = 2.0;
-/// By how much a recording must be explained better than its surrogate to ring, dB.
+/// Minimum difference at which a recording that is explained better than its surrogate rings, dB.
 pub const RINGING: f64 = 5.0;
 
 /// Results for one impact of a recording.
@@ -50,7 +50,7 @@ pub struct RecordingReport {
     /// The modes.
     pub features: Vec<Feature>,
     /// Largest departure of the phase of each mode from that of a constant frequency while it decays by 20 dB, rad; `None` if this takes
-    /// fewer than 16 periods. A mode that drifts has a complex shape, depends on its amplitude, or is two.
+    /// fewer than 16 periods. The cause of a drift is a complex mode shape, a dependence on the amplitude, or a fit of two modes as one.
     #[serde(default)]
     pub phase_drifts: Vec<Option<f64>>,
     /// The spectrogram.

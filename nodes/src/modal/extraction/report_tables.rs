@@ -44,7 +44,7 @@ impl ExtractionReport {
         table
     }
 
-    /// A row for each pair of takes of one object: what each leaves unexplained of the other.
+    /// A row for each pair of takes of one object: the energy of each that the modes of the other leave unexplained.
     #[must_use]
     pub fn pairs_table(&self) -> ResultTable {
         let mut table =

@@ -1,8 +1,8 @@
 //! The sound of the room in a recording of an impact.
 //!
 //! A recording is the sound of the object convolved with the response of the room. So it has the poles of both: modes that ring longer than
-//! the room keep their decay, and those that decay faster are followed by the room, whose poles lie around them. The decay of the room
-//! cannot be subtracted from that of a mode; what can be done is to leave out the poles that the room has.
+//! the room have their own decay, and those that decay faster are followed by the room, whose poles lie around them. The decay of the room
+//! cannot be subtracted from that of a mode, but the poles of the room can be left out.
 
 use super::bands::Spectrum;
 use super::comparison::decay_time;

@@ -1,4 +1,4 @@
-//! Lists of takes: recordings of impacts with what was struck, held and used, from a table.
+//! Lists of takes from a table: recordings of impacts with object, support and striker.
 
 use crate::io::manifest::{ManifestEntry, read_manifest};
 use serde::{Deserialize, Serialize};
@@ -27,7 +27,7 @@ pub struct Take {
 /// `licence`, in any order.
 ///
 /// # Errors
-/// A message with the line, the column, what was found, and what would be right.
+/// A message with the line, the column, the value found, and what is needed.
 ///
 /// # Example
 /// ```

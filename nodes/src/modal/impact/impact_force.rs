@@ -110,7 +110,7 @@ pub struct ImpactForce {
     others: Unmatched<u32>,
 }
 
-/// Range of impulses in dB above which the summary warns: what is so far below the strongest is not heard beside it.
+/// Range of impulses in dB above which the summary warns: impulses that far below the strongest are inaudible beside it.
 const WIDE_RANGE: f64 = 80.0;
 
 /// Warning about impulses whose strengths are far apart.

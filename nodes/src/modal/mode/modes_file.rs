@@ -11,7 +11,7 @@ use crate::core::node::Summary;
 /// `phase` (radians).
 ///
 /// # Errors
-/// A message with what was found, its line in a CSV, and what would be right.
+/// A message with the value found, its line in a CSV, and what is needed.
 ///
 /// # Example
 /// ```

@@ -1,4 +1,4 @@
-//! Damping of the modes of an object by what it rests on or is gripped by.
+//! Damping of the modes of an object by supports and grips.
 
 use super::contact::Contact;
 use super::mode_shapes::SurfaceView;

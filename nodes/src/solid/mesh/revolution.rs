@@ -10,7 +10,7 @@ use thiserror::Error;
 pub struct Revolution {
     /// Points of the middle of the wall as radius and height, m; a radius of 0 is allowed for the first point only.
     pub profile: Vec<[f64; 2]>,
-    /// Thickness of the wall at each point, or at all, m.
+    /// Thickness of the wall at each point, or at all points, m.
     pub thickness: Vec<f64>,
     /// Cells around the axis.
     pub around: usize,

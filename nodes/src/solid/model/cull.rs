@@ -57,7 +57,7 @@ pub struct Culling {
 pub struct DropCounts {
     /// Outside of the band.
     pub band: usize,
-    /// So strongly damped that they do not oscillate.
+    /// Damped so strongly that they do not oscillate.
     pub overdamped: usize,
     /// Too weak at every point of the surface.
     pub faint: usize,
@@ -107,7 +107,7 @@ pub fn cull(voices: Vec<Voice>, culling: &Culling) -> (Vec<Voice>, DropCounts) {
     (rest, counts)
 }
 
-/// Leaves out what is not audible, and returns how many.
+/// Leaves out inaudible modes, and returns their number.
 fn dropped(voices: &mut Vec<Voice>, audible: impl Fn(&Voice) -> bool) -> usize {
     let before = voices.len();
     voices.retain(audible);

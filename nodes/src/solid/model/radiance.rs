@@ -1,4 +1,4 @@
-//! Sound pressure of a mode, by models of how its surface radiates.
+//! Sound pressure of a mode, by models of radiation from its surface.
 
 use super::modal_model::ModalModel;
 use crate::choices;
@@ -15,7 +15,7 @@ const DIPOLE: f64 = 0.05;
 choices! {
     /// Radiation of a mode.
     pub enum Radiance {
-        /// One and the same for all modes: the amplitude of a mode is its velocity after an impulse, as in the paper.
+        /// The same for all modes: the amplitude of a mode is its velocity after an impulse, as in the paper.
         Unit,
         /// Pressure of the net volume that a mode displaces, as a point source: for objects that are small against the wavelength.
         VolumeVelocity,

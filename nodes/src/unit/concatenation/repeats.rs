@@ -1,4 +1,4 @@
-//! Stretches of picks that were played shortly before, counted as they come.
+//! Stretches of picks that were played shortly before, counted one by one.
 
 use std::collections::VecDeque;
 
@@ -43,7 +43,7 @@ impl RepeatCounter {
         }
     }
 
-    /// Adds the next pick; `None` where nothing is played, across which nothing repeats.
+    /// Adds the next pick; `None` where nothing is played, which interrupts a repeat.
     pub fn add(&mut self, unit: Option<u32>) {
         let Some(unit) = unit else {
             self.last.clear();

@@ -16,7 +16,7 @@ use crate::{archive_state, choices, params, ports};
 choices! { @param Blend {
     /// Powers add up to one: for unrelated sounds.
     EqualPower,
-    /// Amplitudes add up to one: for sounds that are alike.
+    /// Amplitudes add up to one: for similar sounds.
     Linear,
     /// Both at full level, as the paper can be read: 3 dB too loud where they overlap.
     Add,
@@ -70,7 +70,7 @@ pub struct UnitConcatenator {
     length: Option<i64>,
     /// True if the target ends within its first unit, which is then dropped.
     short: bool,
-    /// The unit whose joins are known, and they per channel.
+    /// The unit whose joins are known, and its joins per channel.
     known: Option<i64>,
     joins: Vec<[Join; 2]>,
     /// Repeats of each channel of the picks.

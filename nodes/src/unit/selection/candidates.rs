@@ -53,7 +53,7 @@ pub(crate) fn comparable(
     Ok(())
 }
 
-/// The units of a valid database that was made as the features were.
+/// The units of a valid database whose features have the same conventions.
 pub(crate) fn units<'a>(
     format: &FeatureFormat,
     db: &'a UnitDatabase,

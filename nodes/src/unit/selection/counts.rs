@@ -21,7 +21,7 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// The pick if nothing is chosen: the last unit, inaudible.
+    /// The pick where nothing is chosen: the last unit, inaudible.
     pub fn inactive_pick(&self) -> Pick {
         Pick { unit: self.last.unwrap_or(0), asleep: true, ..Pick::default() }
     }

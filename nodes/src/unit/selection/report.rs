@@ -46,7 +46,7 @@ pub const REPORT_VERSION: u32 = 2;
 pub struct SelectionReport {
     /// [`REPORT_VERSION`].
     pub version: u32,
-    /// Digest of the conventions that the features were made by and of the units of the database.
+    /// Digest of the conventions of the features and of the units of the database.
     pub content: String,
     /// Units per second.
     pub rate: f64,

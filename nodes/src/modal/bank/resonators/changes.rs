@@ -81,7 +81,7 @@ impl Bank {
         }
     }
 
-    /// Moves a contact point to where the modes have other gains, from the next sample.
+    /// Moves a contact point to a position at which the modes have other gains, from the next sample.
     ///
     /// # Shapes
     /// One gain for each mode of the object, including those left out.

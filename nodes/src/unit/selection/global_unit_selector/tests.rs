@@ -307,7 +307,7 @@ fn a_number_that_is_not_finite_is_told_with_its_unit() {
     assert!(fault.message.contains(&format!("unit {} of", asleep.end + 3)), "{fault}");
 }
 
-/// A target that is silent from its 60th unit to its 300th, of 360, and the units that are slept through for it.
+/// A target that is silent from its 60th unit to its 300th, of 360, and the units that are skipped for it.
 fn resting(db: &UnitDatabase) -> (Vec<f32>, std::ops::Range<usize>) {
     let unit = db.unit();
     let sample = |k: usize| if (60 * unit..300 * unit).contains(&k) { 1e-6 } else { 0.1 };

@@ -1,4 +1,4 @@
-//! Channels of a target, and sleep while it is silent.
+//! Channels of a target, and units that are skipped while it is silent.
 
 use super::*;
 use crate::core::item::Channels;
