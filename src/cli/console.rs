@@ -1,4 +1,4 @@
-//! Standard output and standard error: what is written there is text, and the reader may have gone.
+//! Standard output and standard error: they receive text, and their reader may have ended.
 
 use crate::diag::plain;
 use std::fmt::Display;
@@ -35,7 +35,7 @@ pub fn say(line: &str) -> io::Result<()> {
     out.flush()
 }
 
-/// Writes to standard error. That nobody reads it is no reason to end: failures are ignored.
+/// Writes to standard error. Failures are ignored: a closed standard error does not end the process.
 fn write_error(write: impl FnOnce(&mut StderrLock<'_>) -> io::Result<()>) {
     let _ = write(&mut io::stderr().lock());
 }
@@ -45,7 +45,7 @@ pub fn tell(message: impl Display) {
     write_error(|err| writeln!(err, "foley: {}", plain(&message.to_string())));
 }
 
-/// Prints a text on standard error whose control characters are wanted: colours, or a line that is written again.
+/// Prints a text on standard error with its control characters, for colours or a line that is written again.
 pub fn tell_styled(text: &str) {
     write_error(|err| {
         err.write_all(text.as_bytes())?;

@@ -101,7 +101,7 @@ pub fn run(registry: Registry) -> ExitCode {
 /// Runs the command.
 ///
 /// # Errors
-/// When something fails that no diagnostic describes, such as a closed standard output.
+/// If something fails that no diagnostic describes, such as a closed standard output.
 pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     match args.command {
         Command::Run(args) => run::run(&args, registry),

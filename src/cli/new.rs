@@ -37,7 +37,7 @@ impl OwnFiles {
     }
 }
 
-/// A template with values in place of its marks; marks in the values stay as they are.
+/// A template with values in place of its placeholders; placeholders in the values remain unchanged.
 fn filled(template: &str, values: &[(&str, String)]) -> String {
     let (mut out, mut rest) = (String::new(), template);
     let next = |rest: &str| {
@@ -77,7 +77,7 @@ fn recordings(template: Template) -> Vec<(String, Content)> {
     }
 }
 
-/// The node `mesh`: the shape of an object, of the user or that comes with the program.
+/// The node `mesh`: the shape of an object, from the user or built in.
 fn shape_node(mesh: Option<&Path>) -> String {
     let file = mesh.map_or_else(|| "bar.mesh".to_owned(), |path| copied("assets", path));
     let surface = has_extension(mesh, &["obj", "stl", "ply"]);

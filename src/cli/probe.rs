@@ -23,7 +23,7 @@ fn full_name(session: &Session, output: &str) -> Option<String> {
 /// Runs what an output needs, and prints its figures.
 ///
 /// # Errors
-/// When the drawing cannot be written, or standard output is closed.
+/// If the drawing cannot be written, or standard output is closed.
 pub fn probe(args: &ProbeArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let to = args.to.map_or(Tick::MAX, ticks);
     if to <= ticks(args.from) {

@@ -47,7 +47,7 @@ pub(super) fn stop_on_signals(progress: &Arc<Progress>) {
 /// Runs a graph.
 ///
 /// # Errors
-/// When the report cannot be written, which is checked before the run; only a full disk is found later.
+/// If the report cannot be written, which is checked before the run, except for a full disk.
 pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let mut memo = args.memo.memo(&args.graph.graph);
     // A trace has no state to save.
@@ -106,7 +106,7 @@ pub fn render_files(ready: &Prepared, args: &RunArgs) -> Result<Report, Vec<Diag
 /// Prints the results of a run, and writes the report.
 ///
 /// # Errors
-/// When standard output is gone, or the report cannot be written.
+/// If standard output is closed, or the report cannot be written.
 pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyhow::Result<()> {
     let writes = ready.graph.nodes.iter().any(|n| written(&n.ty, &*n.params).next().is_some());
     if report.outputs.is_empty() && ready.taps.is_empty() && !writes {

@@ -13,13 +13,13 @@ use std::io::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The part of the id of a node before what a column names: nothing for a node of the graph itself, `a.b` for one of its sub-graphs.
+/// The part of the id of a node before the name in a column: empty for a node of the graph itself, `a.b` for one of its sub-graphs.
 fn part<'a>(id: &'a str, node: &str) -> Option<&'a str> {
     let before = id.strip_suffix(node)?;
     if before.is_empty() { Some(before) } else { before.strip_suffix('.') }
 }
 
-/// The entry of a column for a node: a parameter, or what a run reports of it.
+/// The entry of a column for a node: a parameter, or a figure of its report.
 fn entry(graph: &Graph, report: Option<&Report>, n: usize, field: &str) -> Option<Cell> {
     let written = graph.nodes[n].params.write().into_iter().find(|(name, _)| *name == field);
     if let Some((_, datum)) = written {
@@ -78,7 +78,7 @@ fn rows(graph: &Graph, report: Option<&Report>, columns: &[Column]) -> Result<Ro
     Ok(rows)
 }
 
-/// Rows of a graph file, which is run if that is wanted; what is wrong with it has been printed.
+/// Rows of a graph file, which is run on request; its errors are printed.
 fn of_file(args: &TableArgs, path: &Path, registry: &Arc<Registry>) -> Result<Rows, Exit> {
     let session = args.session(path, registry);
     let found = if args.run {
@@ -96,7 +96,7 @@ fn of_file(args: &TableArgs, path: &Path, registry: &Arc<Registry>) -> Result<Ro
     })
 }
 
-/// Tabulates parameters of nodes, and with `--run` what runs report of them, over graphs.
+/// Tabulates parameters of nodes, and with `--run` figures of their reports, over graphs.
 ///
 /// # Errors
 /// When standard output is closed.

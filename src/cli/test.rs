@@ -78,7 +78,7 @@ fn test_files(given: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
 /// Runs the checks that are written beside graphs.
 ///
 /// # Errors
-/// When a file cannot be stored, a folder cannot be read, or standard output is closed.
+/// If a file cannot be stored, a folder cannot be read, or standard output is closed.
 pub fn test(args: &TestArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let runner = Runner { options: args.load_options(registry), threads: args.threads };
     let files = test_files(&args.graphs)?;

@@ -1,4 +1,4 @@
-//! Corrections of a text: what would make a finding go away, as changes that an editor can make.
+//! Corrections of a text: changes that resolve a finding, which an editor can apply.
 
 use super::SourceLocation;
 use crate::lang::Parse;
@@ -49,7 +49,7 @@ impl Fix {
         self.changes.first().map(|change| change.location().file)
     }
 
-    /// The edits of the text of its file; `None` if the text does not have what the changes are about.
+    /// The edits of the text of its file; `None` if the text does not contain the parts to change.
     #[must_use]
     pub fn edits(&self, parse: &Parse) -> Option<Vec<TextEdit>> {
         let file = self.file();

@@ -113,7 +113,7 @@ impl Diagnostic {
         diagnostic.fixes(fix)
     }
 
-    /// A node's rejection at the place of the field that it names.
+    /// A rejection by a node, at the location of the field that it names.
     #[must_use]
     pub fn of_reject(reject: Reject, location: SourceLocation, node: &str) -> Self {
         Self::of_fault(reject.into(), location, node)

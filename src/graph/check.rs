@@ -384,7 +384,7 @@ fn item_locations(name: &str, list: &Value, file: usize, locations: &mut BTreeMa
     }
 }
 
-/// Files that do not exist, named by a node that cannot look for them itself since other fields of it are wrong.
+/// Files that do not exist, named by a node that cannot open them itself since other fields of it are wrong.
 fn missing_assets(
     specs: &[ParamSpec],
     data: &BTreeMap<&str, Datum>,

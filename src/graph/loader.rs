@@ -204,7 +204,7 @@ pub(super) struct Loader {
 /// The text of a graph file of at most `limit` bytes; `show` is its name for people.
 ///
 /// # Errors
-/// When it is missing, no plain file, too large, or no UTF-8.
+/// If it is missing, not a plain file, too large, or not UTF-8.
 pub fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileError> {
     let error = |code, message: String| FileError { code, message };
     let unreadable = |e: std::io::Error| {
@@ -234,7 +234,7 @@ pub fn valid_id(id: &str) -> bool {
 }
 
 impl RawNode {
-    /// Takes over what a file that extends this node's file says of it.
+    /// Takes over the fields of this node in a file that extends this one.
     fn extend(&mut self, new: Self) {
         if new.type_name != self.type_name {
             *self = new;

@@ -44,7 +44,7 @@ pub struct Graph {
     pub seed: u64,
     /// Nodes in the order of the text.
     pub nodes: Vec<GraphNode>,
-    /// Places of `nodes` in topological order; delayed links do not count.
+    /// Indices of `nodes` in topological order; delayed links do not count.
     pub order: Vec<usize>,
     /// Place of each node in `order`.
     pub rank: Vec<usize>,

@@ -167,7 +167,7 @@ impl Root {
         self.folders.iter().any(|f| real.starts_with(f)) || self.files.iter().any(|f| f == real)
     }
 
-    /// The first part of a path that is a link inside what may be read, and where it leads.
+    /// The first part of a path that is a link inside the permitted folders, and its target.
     fn link_out(&self, path: &Path) -> Option<String> {
         let mut part = PathBuf::new();
         path.components().find_map(|component| {

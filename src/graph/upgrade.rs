@@ -1,4 +1,4 @@
-//! Node types and fields that older versions had, and what has taken their place.
+//! Node types and fields of older versions, and their replacements.
 
 use crate::lang::ast::{Entry, Field};
 use crate::lang::edit::{EditError, TextEdit, apply, remove_item};
@@ -86,7 +86,7 @@ pub struct Upgraded {
     pub changes: Vec<(usize, String)>,
 }
 
-/// Changes the text of a graph of an older version to the present node types and fields. What is gone without replacement is removed, and the
+/// Changes the text of a graph of an older version to the present node types and fields. Fields without a replacement are removed, and the
 /// changes say what has taken its place.
 ///
 /// # Errors

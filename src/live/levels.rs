@@ -19,7 +19,7 @@ pub struct Levels {
     pub at: f64,
     /// Seconds that the graph has played.
     pub played: f64,
-    /// Peak of what was heard in the last second, dB of full scale; `None` for silence.
+    /// Peak of the sound in the last second, dB of full scale; `None` for silence.
     pub out: Option<f64>,
     /// Peak and root mean square of each meter, by its name.
     pub meters: BTreeMap<String, (f64, f64)>,
@@ -56,7 +56,7 @@ impl Levels {
         fs::rename(&part, &path).inspect_err(|_| drop(fs::remove_file(&part)))
     }
 
-    /// Removes the file of the levels of a graph that plays no more.
+    /// Removes the file of the levels of a graph that no longer plays.
     pub fn remove(graph: &Path) {
         let _ = fs::remove_file(Self::path(graph));
     }

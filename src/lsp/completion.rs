@@ -88,7 +88,7 @@ struct Completion<'a> {
     following: &'a [String],
 }
 
-/// Something to insert: its label, what is inserted outside of quotes, and more about it.
+/// A completion: its label, the text to insert outside of quotes, and its documentation.
 #[derive(Default)]
 struct Item {
     label: String,
@@ -103,7 +103,7 @@ struct Item {
 }
 
 impl Completion<'_> {
-    /// The items with the typed letters; a list that is not complete is asked for again.
+    /// The items with the typed letters; an incomplete list is requested again.
     fn list(&self, items: Vec<Item>) -> CompletionList {
         let count = items.len();
         let mut fitting: Vec<Item> = items.into_iter().filter(|item| self.fits(&item.label)).collect();
@@ -247,7 +247,7 @@ impl Completion<'_> {
         fields.map(item).collect()
     }
 
-    /// Returns true if a field or key stands in the innermost bracket already.
+    /// Returns true if the innermost bracket already contains a field or key.
     fn is_given(&self, frame: &Frame, name: &str) -> bool {
         frame.given.iter().chain(self.following).any(|given| given == name)
     }
@@ -335,7 +335,7 @@ impl Completion<'_> {
         ports.chain(params).collect()
     }
 
-    /// Outputs that an input takes; those before the node, and of the rate of its other inputs, come first.
+    /// Outputs that an input accepts; outputs of nodes before this one, and of the rate of its other inputs, come first.
     fn links(&self, id: &str, port: &PortSpec, in_list: bool) -> Vec<Item> {
         if self.typed().starts_with('$') {
             return Vec::new();
@@ -386,7 +386,7 @@ impl Completion<'_> {
         rates.next()
     }
 
-    /// Calls `visit` with each output of the nodes of a file and its sub-graphs: the link, the type, the output, and the place of
+    /// Calls `visit` with each output of the nodes of a file and its sub-graphs: the link, the type, the output, and the location of
     /// the node in the file of the request.
     fn outputs(
         &self,

@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The texts, the node types, and what is known of the graphs.
+/// The texts, the node types, and the results of the analyses of graphs.
 pub struct Context<'a> {
     /// The texts.
     pub workspace: &'a Workspace,
@@ -77,13 +77,13 @@ impl Context<'_> {
         Some((spec, stream))
     }
 
-    /// The level of a node, or of its meter, in the graph as it plays now.
+    /// The level of a node, or of its meter, in the graph that plays now.
     #[must_use]
     pub fn level(&self, path: &Path, id: &str, meter: &str) -> Option<String> {
         Levels::beside(path).map(|levels| levels.describe(id, meter))
     }
 
-    /// The level of a node of a sub-graph in the graph as it plays now, by its id there.
+    /// The level of a node of a sub-graph in the graph that plays now, by its id there.
     #[must_use]
     pub fn inner_level(&self, path: &Path, id: &str) -> Option<String> {
         let levels =

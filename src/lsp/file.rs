@@ -16,7 +16,7 @@ pub struct TextFile {
     /// Its values.
     pub document: Document,
     lines: LineIndex,
-    /// Places of the nodes of a graph in its map, by id; the first of those with one id.
+    /// Locations of the nodes of a graph in its map, by id; the first of several with one id.
     by_id: HashMap<String, usize>,
 }
 

@@ -1,4 +1,4 @@
-//! Files that people write beside graphs: correspondences, materials and scores. What stands in them is known from the readers
+//! Formats of files that people write beside graphs: correspondences, materials and scores. Their fields are those of the readers
 //! that nodes use, so that the server cannot differ from them.
 
 use super::file::TextFile;
@@ -63,7 +63,7 @@ impl Format {
         Some((start..end.max(start), message))
     }
 
-    /// The names that can stand at a cursor: fields of a record, or the choices of a value.
+    /// The names that are valid at a cursor: fields of a record, or the choices of a value.
     #[must_use]
     pub fn names(&self, cursor: &Cursor) -> Vec<String> {
         let probe = match &cursor.slot {
@@ -86,7 +86,7 @@ impl Format {
     }
 }
 
-/// A text with nothing in its brackets but what is on the way to the probe, and the fields that a file has to have.
+/// A text whose brackets contain only the path to the probe, and the required fields of the file.
 fn nested(frames: &[Frame], probe: &str, required: &[String]) -> String {
     let (mut text, mut closers) = (String::new(), String::new());
     for (depth, frame) in frames.iter().enumerate() {

@@ -10,7 +10,7 @@ use foley_nodes::core::params::ParamKind;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// The description of what stands at an offset, as Markdown, and its span.
+/// The description of the element at an offset, as Markdown, and its span.
 #[must_use]
 pub fn hover(context: &Context<'_>, at: At<'_>) -> Option<(Span, String)> {
     if !at.file.is_graph() {

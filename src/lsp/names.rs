@@ -1,4 +1,4 @@
-//! Names in the texts of graphs, and what they stand for: nodes, sub-graphs, parameters and files.
+//! Names in the texts of graphs, and their referents: nodes, sub-graphs, parameters and files.
 
 use super::file::{NodeText, TextFile};
 use super::workspace::{Workspace, beside};
@@ -76,7 +76,7 @@ pub fn name_at(
     all.into_iter().find(|name| name.span.start <= offset && offset <= name.span.end)
 }
 
-/// All places in the graphs of the workspace that name a target.
+/// All locations in the graphs of the workspace that name a target.
 #[must_use]
 pub fn occurrences(
     workspace: &Workspace,

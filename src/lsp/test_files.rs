@@ -1,4 +1,4 @@
-//! Checks that are written beside a graph: what is wrong with them, and what can be typed.
+//! Test files beside a graph: their mistakes, and completions.
 
 use super::file::TextFile;
 use crate::diag::Diagnostic;

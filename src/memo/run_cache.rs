@@ -49,7 +49,7 @@ pub struct StoredPartial<'a> {
     store: &'a Store,
     entry: Entry,
     used: HashSet<String>,
-    /// True when the run is to stop: what is offered then is stored at once.
+    /// True when the run is to stop: a partial result is then stored at once.
     stop: &'a AtomicBool,
     stored: Mutex<Instant>,
 }

@@ -102,7 +102,7 @@ impl Probe {
 }
 
 impl Figures {
-    /// Lines for people, of `output`; `first` items of lists are shown.
+    /// Readable lines about `output`, with the `first` items of lists.
     #[must_use]
     pub fn text(&self, output: &str, first: usize) -> String {
         match self {

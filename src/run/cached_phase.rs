@@ -1,6 +1,6 @@
 //! Runs a phase with the cache: known folds are not computed, cached streams are read in place of their nodes and all nodes
 //! upstream, and streams that are worth caching are written while they run. Those of later phases that need no fold of this one are written
-//! in this phase already: a phase of little work leaves threads without any.
+//! in this phase already, so that a phase of little work uses all threads.
 
 use super::cached_streams::{CachedStreams, Outputs, PendingStream};
 use super::checkpointer::{Checkpointer, PhaseRun, checkpoint_key};
@@ -209,7 +209,7 @@ impl<'j> PartialPhase<'j> {
 
     /// Finds the streams of later phases that are worth caching and can be computed in this one, and the nodes that they need.
     ///
-    /// Only streams are taken that a node reads which depends on a fold of this phase that is computed now: that node runs in a later phase for certain.
+    /// Only streams are taken whose reader depends on a fold of this phase that is computed now: that node runs in a later phase for certain.
     fn find_hoisted(&mut self, number: usize, folds: &[usize], cache: &mut RunCache<'_>, values: &Values) {
         let later: BTreeSet<usize> =
             self.job.plan.phases.iter().skip(number + 1).flat_map(|phase| &phase.nodes).copied().collect();

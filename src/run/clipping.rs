@@ -9,10 +9,10 @@ use serde_json::Value;
 
 /// Peak to aim at, dB of full scale.
 const PEAK_DB: f64 = -1.0;
-/// Share of the samples beyond full scale up to which a limiter alters little.
+/// Share of the samples beyond full scale up to which a limiter is nearly inaudible.
 const FEW: f64 = 0.001;
 
-/// Peak below which hardly anything is heard, dB of full scale.
+/// Peak below which a sound is hardly audible, dB of full scale.
 const SOFT_DB: f64 = -60.0;
 
 /// Samples of a sound.
@@ -26,7 +26,7 @@ pub struct Loudness {
 
 /// Returns notes on the files of a run that clip or are hardly audible: each of a node and a text.
 ///
-/// A file of floats holds what it gets, such as a force in N.
+/// A file of floats stores its input unchanged, such as a force in N.
 pub fn notes(graph: &Graph, reports: &[NodeReport]) -> Vec<(String, String)> {
     let is_float = |(name, datum): &(&str, Datum)| {
         *name == "format" && matches!(datum, Datum::Name(format) if format == "Float32")

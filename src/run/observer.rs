@@ -1,4 +1,4 @@
-//! Taps for outputs of any type, which measure or collect what passes as numbers, as JSON or as a value.
+//! Taps for outputs of any type, which measure or collect their items as numbers, as JSON or as a value.
 
 use super::memory_tap::{Ignored, MemoryTap};
 use foley_nodes::core::fault::Fault;

@@ -28,11 +28,11 @@ pub enum Period {
     Run,
     /// A second of a graph that plays: a source that has a pause, or a node without messages, needs no explanation.
     Second,
-    /// A stretch of a run: what a node says of its silence holds for a whole run, and explains nothing.
+    /// A stretch of a run: the reason that a node reports holds for a whole run, and does not explain a stretch.
     Stretch,
 }
 
-/// Returns true if something that is sent while a graph plays can reach a node.
+/// Returns true if a message that is sent while a graph plays can reach a node.
 pub fn reads_messages(graph: &Graph, id: &str) -> bool {
     let (mut open, mut seen) = (Vec::from_iter(graph.find(id)), BTreeSet::new());
     while let Some(n) = open.pop() {
@@ -58,7 +58,7 @@ struct Search<'a> {
 
 /// Returns notes, each of a node and a text: why files, taps (`tapped`, by node and port) and, in a whole run, parts of mixes are silent.
 ///
-/// From what is silent the search goes upstream to the first nodes that gave nothing although they got something.
+/// From a silent output the search goes upstream to the first nodes that gave nothing although they received something.
 pub fn explain(
     graph: &Graph,
     reports: &[NodeReport],
@@ -92,8 +92,8 @@ pub fn explain(
     search.notes.into_iter().map(|note| (id(note.0), text(note))).collect()
 }
 
-/// Finds the nodes at which a silent output is lost, each with a reason: the first ones upstream of it that give nothing although something
-/// arrives, or that nothing feeds; `whole` if all of what is written depends on the output.
+/// Finds the nodes at which a silent output is lost, each with a reason: the first ones upstream of it that give nothing although they
+/// receive something, or that nothing feeds; `whole` if all that is written depends on the output.
 pub fn losses(
     (graph, reports): (&Graph, &[NodeReport]),
     output: Output,
@@ -149,7 +149,7 @@ impl<'a> Search<'a> {
         !ports.into_iter().any(|port| self.is_active((node, port)) == Some(true))
     }
 
-    /// Explains an output if nothing came from it; `whole` if all of an output depends on it.
+    /// Explains an output without content; `whole` if all of an output depends on it.
     fn follow(&mut self, (node, port): Output, whole: bool) {
         let spec = &self.graph.nodes[node].ty.outputs[port];
         if !flows(spec) || self.is_active((node, port)) != Some(false) {

@@ -19,7 +19,7 @@ use foley_nodes::core::time::Tick;
 use std::cell::RefCell;
 use std::sync::{Arc, LazyLock};
 
-/// Runs work on a thread of its own; if there can be none it is dropped, and whoever waits for its result learns so from the channel.
+/// Runs work on a thread of its own; without a thread the work is dropped, and the receiver of its result finds the channel closed.
 static BACKGROUND: LazyLock<Background> = LazyLock::new(|| {
     Arc::new(|work| drop(std::thread::Builder::new().name("background".into()).spawn(work)))
 });

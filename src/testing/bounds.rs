@@ -4,7 +4,7 @@ use crate::lang::{Value, ValueKind};
 use crate::probe::figure;
 use std::fmt;
 
-/// Relative difference up to which a number is the one that is written.
+/// Relative difference up to which a number equals the written one.
 const SAME: f64 = 1e-6;
 
 /// A number, or a range with one or two ends.

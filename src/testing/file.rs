@@ -92,7 +92,7 @@ impl TestFile {
 }
 
 impl TestFile {
-    /// Every mistake in the text of a test file, for editors; the places are in file 0.
+    /// Every mistake in the text of a test file, for editors; their locations are in file 0.
     #[must_use]
     pub fn mistakes(text: &str) -> Vec<Diagnostic> {
         Reader { text, file: 0, errors: Vec::new() }.read().err().unwrap_or_default()

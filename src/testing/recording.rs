@@ -66,7 +66,7 @@ impl Samples {
     /// A WAV file of 32-bit floats.
     ///
     /// # Errors
-    /// When there is no such file, such as one of thousands of channels.
+    /// If there is no such file format, as for thousands of channels.
     pub fn wav(&self) -> Result<Vec<u8>, String> {
         let mut file = Cursor::new(Vec::new());
         let spec = WriteSpec::new(self.rate.round() as u32, self.width, WriteFormat::Float32);

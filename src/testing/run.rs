@@ -44,7 +44,7 @@ impl From<Errors> for CaseError {
 /// Content that a check stores.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stored {
-    /// A digest in the test file: the place of its check, and the digest.
+    /// A digest in the test file: the location of its check, and the digest.
     Digest(Span, String),
     /// A file.
     File(PathBuf, Vec<u8>),
@@ -168,7 +168,7 @@ impl Runner {
 /// Runs the checks of a case for which `wanted` is true; `file_number` is the test file in `sources`.
 ///
 /// # Errors
-/// When the graph or the test file is wrong, or a node fails.
+/// If the graph or the test file is wrong, or a node fails.
 pub fn run(
     runner: &Runner,
     (file, sources, file_number): (&TestFile, &Sources, usize),
@@ -291,7 +291,7 @@ fn same_as_file(own: &Recording, path: &Path, check: &Check) -> Verdict {
     }
 }
 
-/// Compares with what is stored, and returns what to store in its place.
+/// Compares with the stored content, and returns the content to store in its place.
 fn stored(own: &Recording, folder: &Path, check: &Check) -> (Verdict, Option<Stored>) {
     let missing = || Verdict::new(false, "nothing stored", "a stored result: run it with --write");
     if let Some(name) = check.text("file") {

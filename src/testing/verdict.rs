@@ -1,4 +1,4 @@
-//! Compares what came out of an output with what a check expects.
+//! Compares the content of an output with the expectation of a check.
 
 use super::bounds::Bounds;
 use super::checks::{Check, Field, Kind};

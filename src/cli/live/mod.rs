@@ -38,7 +38,7 @@ struct LiveSettings<'a> {
     report: Option<&'a Path>,
     json: bool,
     quiet: bool,
-    /// Seconds between looks at files, where events are not wanted.
+    /// Seconds between comparisons of files, where events are not wanted.
     poll: Option<f64>,
     watch: bool,
 }
@@ -46,7 +46,7 @@ struct LiveSettings<'a> {
 /// Plays a graph.
 ///
 /// # Errors
-/// When standard output goes away, or the report cannot be written.
+/// If standard output is closed, or the report cannot be written.
 pub fn live(args: &LiveArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     play(&LiveSettings {
         graph: &args.graph,

@@ -173,7 +173,7 @@ impl Session<'_> {
         Ok(exit)
     }
 
-    /// Queues a parameter to set; the newest value of each counts, and those for which there is no room are left out.
+    /// Queues a parameter to set. The newest value of each counts; parameters for which there is no room are left out.
     fn queue(&mut self, set: Set) {
         let new = Override { target: set.target, value: set.value };
         match self.waiting.iter().position(|(_, waits)| waits.target == new.target) {

@@ -93,7 +93,7 @@ pub struct Meter {
     pub missed: AtomicU64,
     /// Events of windows that did not arrive in time for which there was no room later.
     pub lost_events: AtomicU64,
-    /// Windows in a row, up to now, in which something did not arrive in time.
+    /// Consecutive windows, up to now, in which something did not arrive in time.
     pub missed_in_a_row: AtomicU64,
     /// Windows that took longer to compute than they last.
     pub overruns: AtomicU64,

@@ -74,7 +74,7 @@ impl Surveys {
 }
 
 impl Player {
-    /// Surveys the nodes while nothing is heard, and reports what is silent although something comes in.
+    /// Surveys the nodes during silence, and reports nodes that are silent although input arrives.
     pub(super) fn watch_silence(&mut self) {
         let windows = |seconds: f64| {
             (seconds * self.timing.rate.as_f64() / self.timing.quantum.max(1) as f64).ceil() as u64

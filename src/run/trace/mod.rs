@@ -137,7 +137,7 @@ pub struct Loss {
     pub silent: String,
     /// Start and end of a stretch, s.
     pub time: Option<[f64; 2]>,
-    /// The first node upstream that gives nothing although something arrives, or that nothing feeds.
+    /// The first node upstream that gives nothing although it receives something, or that nothing feeds.
     pub node: String,
     /// Its type.
     #[serde(rename = "type")]

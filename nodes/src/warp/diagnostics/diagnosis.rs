@@ -119,7 +119,7 @@ impl Verdict {
 }
 
 impl Diagnosis {
-    /// The top three of each channel in words, with what to try.
+    /// The top three of each channel in words, with possible corrections.
     #[must_use]
     pub fn text(&self) -> Vec<String> {
         let lines = self.channels.iter().enumerate().flat_map(|(channel, found)| {

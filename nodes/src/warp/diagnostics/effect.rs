@@ -141,7 +141,7 @@ impl Baseline {
         units.map(choose).collect()
     }
 
-    /// The picks that still rest when unit `unit` is chosen for.
+    /// The picks that are still in their cool-off when unit `unit` is chosen.
     fn resting(&self, unit: usize) -> &[u32] {
         let from = unit.saturating_sub(self.params.cool_off.max(self.params.loop_guard + 4));
         self.picks.get(from..unit.min(self.picks.len())).unwrap_or_default()
@@ -149,8 +149,8 @@ impl Baseline {
 
     /// Changes of the selection with each of other warps.
     ///
-    /// Every unit that a warp moves is chosen for again as if all units before it had been chosen as they were: what one change does
-    /// to all that follow by the rest of units is no sign of its own. Of very many, an even share is chosen for.
+    /// Every unit that a warp moves is chosen again after the original choices of all units before it: the effect of one change on all later
+    /// units through their cool-off is not counted. Of very many units, an even share is chosen again.
     ///
     /// # Errors
     /// Names a unit whose warped features are not finite.
