@@ -103,7 +103,7 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
             None => "is no node",
         };
         let list = if kept.is_empty() { "none".to_owned() } else { kept.join(", ") };
-        super::console::tell(format_args!(
+        super::console::print_message(format_args!(
             "`{}` {what}; nodes of which something is cached: {list}",
             args.node
         ));
@@ -111,7 +111,7 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     };
     let cache = RunCache::new(&memo, graph, &ready.plan, &ready.files, ready.seed);
     let Some((key, there)) = cache.status(n) else {
-        super::console::tell(format_args!(
+        super::console::print_message(format_args!(
             "`{}` does not run in this graph, or a file that it reads cannot be read",
             args.node
         ));

@@ -29,7 +29,7 @@ pub fn stdout() -> PlainText<StdoutLock<'static>> {
 ///
 /// # Errors
 /// When the reader has gone.
-pub fn say(line: &str) -> io::Result<()> {
+pub fn print_line(line: &str) -> io::Result<()> {
     let mut out = stdout();
     writeln!(out, "{line}")?;
     out.flush()
@@ -41,12 +41,12 @@ fn write_error(write: impl FnOnce(&mut StderrLock<'_>) -> io::Result<()>) {
 }
 
 /// Prints a message of the command on standard error.
-pub fn tell(message: impl Display) {
+pub fn print_message(message: impl Display) {
     write_error(|err| writeln!(err, "foley: {}", plain(&message.to_string())));
 }
 
 /// Prints a text on standard error with its control characters, for colours or a line that is written again.
-pub fn tell_styled(text: &str) {
+pub fn print_styled(text: &str) {
     write_error(|err| {
         err.write_all(text.as_bytes())?;
         err.flush()
@@ -83,10 +83,10 @@ impl Throttle {
         allowed
     }
 
-    /// Prints a message as [`tell`] does, if it may be shown.
-    pub fn tell(&self, message: impl Display) {
+    /// Prints a message as [`print_message`] does, if it may be shown.
+    pub fn print_message(&self, message: impl Display) {
         if self.allow(1) == 1 {
-            tell(message);
+            print_message(message);
         }
     }
 
@@ -95,7 +95,7 @@ impl Throttle {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if state.since.elapsed() >= Duration::from_secs(1) {
             if state.left_out > 0 {
-                tell(format_args!("{} more", state.left_out));
+                print_message(format_args!("{} more", state.left_out));
             }
             *state = Shown { since: Instant::now(), shown: 0, left_out: 0 };
         }

@@ -92,7 +92,7 @@ pub fn run(registry: Registry) -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(e) => {
-            console::tell(format_args!("{e:#}"));
+            console::print_message(format_args!("{e:#}"));
             ExitCode::FAILURE
         }
     }

@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::{NewArgs, OwnFiles, Template};
-use super::console::{stdout, tell};
+use super::console::{print_message, stdout};
 use super::run::{note_lines, show};
 use crate::session::Session;
 use anyhow::Context as _;
@@ -266,7 +266,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let dir = &args.dir;
     let shown = dir.display();
     if fs::read_dir(dir).is_ok_and(|mut entries| entries.next().is_some()) || dir.is_file() {
-        tell(format_args!("{shown} exists already and is not empty"));
+        print_message(format_args!("{shown} exists already and is not empty"));
         return Ok(Exit::Wrong);
     }
     let own = &args.own;
@@ -274,7 +274,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let order = [Template::Wind, Template::Cloth, Template::Texture, Template::Grains];
     let by_files = order.into_iter().find(|template| own.unused(*template).is_empty());
     let Some(template) = args.template.or(by_files) else {
-        tell(
+        print_message(
             "no template uses all of these files: leave some out, and link them in the graph, or choose with --template",
         );
         return Ok(Exit::Wrong);
@@ -286,7 +286,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let name = name.unwrap_or_else(|| "sound".into());
     let files = project(&name, template, own);
     if let Some(wrong) = refused(own, template, &files) {
-        tell(wrong);
+        print_message(wrong);
         return Ok(Exit::Wrong);
     }
     let existed = dir.is_dir();
@@ -301,7 +301,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let found = Session::from_file(dir.join(format!("{name}.ron"))).check();
     if found.any_error() {
         show(&found.diagnostics, &found.sources);
-        tell("these files do not make a project; nothing was made");
+        print_message("these files do not make a project; nothing was made");
         let _ = fs::remove_dir_all(dir);
         if existed {
             let _ = fs::create_dir(dir);

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 /// Prints diagnostics on standard error.
 pub fn show(diagnostics: &[Diagnostic], sources: &Sources) {
-    console::tell_styled(&render(diagnostics, sources, console::colours()));
+    console::print_styled(&render(diagnostics, sources, console::colours()));
 }
 
 /// Loads, checks and plans a graph; prints its errors.
@@ -38,7 +38,7 @@ pub(super) fn stop_on_signals(progress: &Arc<Progress>) {
         let Some(run) = current().clone() else { return };
         // The first signal waits for the current computation, so that no partial file remains; the second one does not.
         if run.stop.swap(true, Ordering::SeqCst) {
-            console::tell("stopped at once: what was begun may lie in the output folder as `.part`");
+            console::print_message("stopped at once: what was begun may lie in the output folder as `.part`");
             std::process::exit(Exit::Again.code().into());
         }
     });
@@ -110,7 +110,7 @@ pub fn render_files(ready: &Prepared, args: &RunArgs) -> Result<Report, Vec<Diag
 pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyhow::Result<()> {
     let writes = ready.graph.nodes.iter().any(|n| written(&n.ty, &*n.params).next().is_some());
     if report.outputs.is_empty() && ready.taps.is_empty() && !writes {
-        console::tell("the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
+        console::print_message("the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
     }
     if !args.quiet {
         print_report(report, ready)?;

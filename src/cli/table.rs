@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::{Column, TableArgs};
-use super::console::{stdout, tell};
+use super::console::{print_message, stdout};
 use super::run::{prepare, run_in_memory, show};
 use crate::graph::Graph;
 use crate::run::Report;
@@ -91,7 +91,7 @@ fn of_file(args: &TableArgs, path: &Path, registry: &Arc<Registry>) -> Result<Ro
         rows(&loaded.graph.ok_or(Exit::Wrong)?, None, &args.columns)
     };
     found.map_err(|message| {
-        tell(format_args!("{}: {message}", path.display()));
+        print_message(format_args!("{}: {message}", path.display()));
         Exit::Wrong
     })
 }
@@ -117,7 +117,7 @@ pub fn table(args: &TableArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
     let is_missing = |k: &usize| table.rows.iter().all(|row| row.get(k + 2) == Some(&Cell::Empty));
     if let Some(k) = (0..names.len()).find(is_missing) {
         let node = &args.columns[k].node;
-        tell(format_args!(
+        print_message(format_args!(
             "--column {}: no graph has a node `{node}`; `foley graph` lists the nodes",
             names[k]
         ));

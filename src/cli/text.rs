@@ -98,7 +98,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<Exit> {
         None => {
             let near = nearest(&wanted, codes::all().iter().map(|c| c.code));
             let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-            super::console::tell(format_args!("there is no code {wanted}{hint}"));
+            super::console::print_message(format_args!("there is no code {wanted}{hint}"));
             Ok(Exit::Wrong)
         }
     }

@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_very_long_line_the_place_is_told() {
+    fn only_the_position_of_a_very_long_line_is_reported() {
         let mut sources = Sources::default();
         sources.add("a.ron", format!("first\nä{}", "x".repeat(200_000)));
         let at = |k: usize| SourceLocation { file: 0, span: 6 + k..7 + k };

@@ -79,7 +79,7 @@ fn an_animation_and_recordings_become_a_project_without_reading_outside_of_it() 
 }
 
 #[test]
-fn names_like_the_marks_of_a_template_stay_as_they_are() {
+fn names_like_the_placeholders_of_a_template_are_unchanged() {
     let dir = tempfile::tempdir().unwrap();
     let image = dir.path().join("TITLE_FILE_IMAGE.png");
     fs::copy(assets().join("images/tiles.png"), &image).unwrap();

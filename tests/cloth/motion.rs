@@ -47,7 +47,7 @@ fn run(graph: &str, folder: &Path, sets: &[&str]) -> Output {
 const UNMARKED: &str = "cotton.correspondences=graphs/assets/cloth/none.correspondences.ron";
 
 #[test]
-fn an_animation_of_one_frame_is_told_with_what_is_needed() {
+fn an_animation_of_one_frame_is_reported_with_what_is_needed() {
     let folder = tempfile::tempdir().unwrap();
     for (graph, sets, lift) in [
         ("friction.ron", &[][..], 0.0),

@@ -217,7 +217,7 @@ fn unusable_entries_are_computed_again_with_a_warning() {
 
 /// Only this program writes entries; a forged entry with a valid hash does not end a run.
 #[test]
-fn made_up_entries_with_fitting_hashes_are_told_or_taken_and_never_panic() {
+fn made_up_entries_with_fitting_hashes_are_reported_or_taken_and_never_panic() {
     let project = Project::new(MODEL);
     project.run();
     let path = &project.entries()[0];

@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn another_spectrum_and_a_gain_are_told_apart() {
+    fn another_spectrum_and_a_gain_are_distinguished() {
         let recordings: Vec<Take> = (0..3).map(|k| take("take", gaussian(44_100, k))).collect();
         let loud: Vec<f32> = gaussian(88_200, 9).iter().map(|x| 3.0 * x).collect();
         let found = compare(&loud, 44_100.0, &recordings, &LikenessRules::default());

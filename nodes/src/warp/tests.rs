@@ -171,7 +171,7 @@ fn without_correspondences_nothing_changes() {
 }
 
 #[test]
-fn a_set_that_was_marked_elsewhere_is_told_and_used() {
+fn a_set_that_was_marked_elsewhere_is_reported_and_used() {
     let reported = |head: &str| {
         let set = set(&format!("({head}pairs: [(target: 0, database: 0, source: 0, duration: 0.1)])"));
         let run = fit(params(), set, 1).run().unwrap();
@@ -192,7 +192,7 @@ fn a_set_that_was_marked_elsewhere_is_told_and_used() {
 }
 
 #[test]
-fn a_warp_that_was_fitted_in_other_recordings_is_told_and_used() {
+fn a_warp_that_was_fitted_in_other_recordings_is_reported_and_used() {
     let warp = warp(TpsFitParams { lambda: Some(1.0), pairing: Pairing::Centroid, ..params() }, 1);
     let known = |provenance: &str, content: &str, warp: &Warp| {
         let (provenance, content) = (provenance.into(), content.into());

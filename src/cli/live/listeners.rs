@@ -22,7 +22,7 @@ pub(super) fn listen(
         std::thread::spawn(move || {
             read_lines(std::io::stdin().lock(), &hub, |line, message| {
                 if !quiet {
-                    errors.tell(format_args!("standard input, line {line}: {message}"));
+                    errors.print_message(format_args!("standard input, line {line}: {message}"));
                 }
             });
         });
@@ -30,7 +30,7 @@ pub(super) fn listen(
     let errors = Arc::clone(errors);
     let report = move |message: &str| {
         if !quiet {
-            errors.tell(message);
+            errors.print_message(message);
         }
     };
     let osc = port(&settings.device.osc).map(|at| ("OSC", "--osc", at, listen_to_osc(at, Arc::clone(hub))));

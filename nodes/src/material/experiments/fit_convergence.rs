@@ -56,7 +56,7 @@ ports! {
 #[derive(Debug)]
 pub struct FitConvergence;
 
-/// The way of one method to the optimum.
+/// Convergence of one method to the optimum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trace {
     /// Name of the method.

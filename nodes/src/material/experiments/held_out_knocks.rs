@@ -319,7 +319,7 @@ mod tests {
     use crate::core::standalone::{Feed, Standalone};
 
     #[test]
-    fn synthetic_takes_are_told_to_be_of_their_material_far_more_often_than_by_chance() {
+    fn synthetic_takes_are_assigned_to_their_material_far_more_often_than_by_chance() {
         let p = HeldOutKnocksParams::read(&|name| (name == "synthetic").then_some(Datum::Int(8))).unwrap();
         let objects: Vec<KnockedObject> = (0..8).map(|k| synthetic_object(&p, k, 4)).collect();
         let all = held_out(&objects, &[]);

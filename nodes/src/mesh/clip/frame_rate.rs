@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rate_that_is_not_that_of_the_file_is_told_in_words() {
+    fn a_rate_that_is_not_that_of_the_file_is_described_in_words() {
         let times: Vec<f64> = (0..49).map(|k| f64::from(k) / 24.0).collect();
         let text = |rate| rate_difference(&times, Rate::hz(rate), "fps");
         assert_eq!(text(24), None);

@@ -81,7 +81,7 @@ impl Coupling {
         outer(along, coefficient * (1.0 - mu));
     }
 
-    /// Moves a share of the way to the target, for samples of `interval` seconds.
+    /// Moves by a share of the distance to the target, for samples of `interval` seconds.
     ///
     /// # Complexity
     /// O(modes^3) while it moves, O(modes^2) otherwise.

@@ -149,7 +149,7 @@ impl JointForce {
         self.pending.clear();
     }
 
-    /// Takes over the pulses under way of another one.
+    /// Takes over the pulses in progress of another one.
     pub fn take_state(&mut self, old: &Self) {
         self.ring.take_state(&old.ring);
         (self.count, self.left_out) = (old.count, old.left_out);

@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_do_not_fit_are_told_at_once() {
+    fn all_that_do_not_fit_are_reported_at_once() {
         let e = found(
             "(target: 1.95, database: 0, duration: 0.1),\n(target: 0, database: 0, duration: 0.1),\n\
              (label: \"far\", target: 0, database: 9, duration: 0.1),\n(target: 0, source: 7, database: 0, duration: 0.1)",

@@ -136,7 +136,7 @@ fn the_guard_goes_straight_where_velocities_do_not_fit_the_path() {
 }
 
 #[test]
-fn the_latency_is_what_the_plan_is_told_and_prediction_has_none() {
+fn the_latency_is_the_declared_one_and_prediction_has_none() {
     use PathMode::{Extrapolate, Hermite};
     for (mode, velocities, frames) in [
         (Hermite, Velocities::Given, 1),

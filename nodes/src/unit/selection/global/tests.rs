@@ -198,7 +198,7 @@ fn a_beam_as_wide_as_the_database_finds_the_best_path() {
 }
 
 #[test]
-fn free_jumps_give_the_nearest_units_and_dear_ones_an_unbroken_run() {
+fn free_jumps_give_the_nearest_units_and_expensive_ones_an_unbroken_run() {
     let mut rng = Rng::new(4);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, &[50, 150], &mut features);

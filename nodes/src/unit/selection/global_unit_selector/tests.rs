@@ -285,7 +285,7 @@ fn a_target_without_end_is_for_the_one_that_decides_online() {
 }
 
 #[test]
-fn a_number_that_is_not_finite_is_told_with_its_unit() {
+fn a_number_that_is_not_finite_is_reported_with_its_unit() {
     let db = database(1);
     let mut target = walk(8, 30, DIMS);
     target[DIMS * 17 + 1] = f32::NAN;

@@ -162,7 +162,7 @@ fn heaps(clusters: usize, each: usize) -> Vec<Pair> {
 }
 
 #[test]
-fn what_is_stiff_is_told_by_the_degrees_of_freedom() {
+fn the_degrees_of_freedom_measure_the_stiffness() {
     // The heaps of the table in the specification are not known; these have its number of nodes and their distance.
     let pairs = heaps(20, 21);
     let problem = crate::warp::fit::problem::Problem::new(&pairs, 3).unwrap();
@@ -589,7 +589,7 @@ fn the_jacobian_is_that_of_differences_and_detects_folds() {
 }
 
 #[test]
-fn a_mirror_is_told_from_a_fold() {
+fn a_mirror_is_distinguished_from_a_fold() {
     let square: Vec<[f64; 2]> = (0..81).map(|k| [f64::from(k % 9) - 4.0, f64::from(k / 9) - 4.0]).collect();
     let target: Vec<f32> = square.iter().flatten().map(|x| 0.9 * *x as f32 + 0.05).collect();
     let of = |law: &dyn Fn(f64) -> f64| {
