@@ -42,7 +42,7 @@ fn fan(gains: usize) -> Graph {
     graph(&text, "sum")
 }
 
-/// Times so many blocks of a graph, and prints the number of its nodes.
+/// Times a number of blocks of a graph, and prints the number of its nodes.
 fn times(item: Item, name: &str, graph: &Graph, blocks: usize) -> Times {
     crate::common::with_windows(graph, BLOCK, |step, nodes| {
         item.print(&format!("{name}.nodes"), nodes as f64, "nodes");

@@ -477,7 +477,7 @@ fn recordings() {
     );
 }
 
-/// When a change of a score is heard: the first sample that differs, and when the new sound is all that is heard.
+/// Times at which a change of a score is heard: the first sample that differs, and the first at which only the new sound is heard.
 fn reaction() {
     let rate = 32_000.0;
     for (wavelet, block) in [(Wavelet::Haar, 0.016), (Wavelet::Db2, 0.04), (Wavelet::Db5, 0.064)] {

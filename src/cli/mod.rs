@@ -74,7 +74,7 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// The whole command with the nodes of a registry: parses the arguments of the process, runs them, and reports what failed.
+/// The whole command with the nodes of a registry: parses the arguments of the process, runs them, and reports errors.
 ///
 /// A program with nodes of its own is this call: see `examples/own_node`.
 #[must_use]

@@ -57,7 +57,7 @@ fn copied(folder: &str, path: &Path) -> String {
     format!("{folder}/{}", path.file_name().unwrap_or_default().to_string_lossy())
 }
 
-/// The recordings of a template: their names in the project, and what they contain.
+/// The recordings of a template: their names in the project, and their contents.
 fn recordings(template: Template) -> Vec<(String, Content)> {
     macro_rules! recordings {
         ($($name:literal),*) => {

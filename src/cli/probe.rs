@@ -20,7 +20,7 @@ fn full_name(session: &Session, output: &str) -> Option<String> {
     Some(format!("{}.{}", graph.nodes[node].id, graph.nodes[node].ty.outputs[port].name))
 }
 
-/// Runs what an output needs, and prints its figures.
+/// Runs the nodes that an output needs, and prints its figures.
 ///
 /// # Errors
 /// If the drawing cannot be written, or standard output is closed.

@@ -82,7 +82,7 @@ pub(super) fn run_in_memory(ready: &Prepared, quiet: bool) -> Result<Report, Exi
     result.map_err(|errors| failed(ready, &errors))
 }
 
-/// Runs a graph and leaves its files in their places.
+/// Runs a graph and writes its files.
 ///
 /// # Errors
 /// As [`run::run`].
@@ -124,7 +124,7 @@ pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyho
     Ok(())
 }
 
-/// Writes a file under a temporary name and moves it to its place.
+/// Writes a file under a temporary name and renames it.
 pub(super) fn write_whole(
     path: &std::path::Path,
     content: &(impl AsRef<[u8]> + ?Sized),

@@ -1,4 +1,4 @@
-//! Corrections of what is wrong in a graph.
+//! Corrections of mistakes in a graph.
 
 use super::Graph;
 use super::suggest::nearest;

@@ -30,7 +30,7 @@ pub struct RawNode {
     pub location: SourceLocation,
     /// End of its text in that file.
     pub end: usize,
-    /// Its fields in order: name, place of the name, value.
+    /// Its fields in order: name, location of the name, value.
     pub fields: Vec<(String, SourceLocation, Given)>,
     /// True if its text is complete enough to check.
     pub whole: bool,
@@ -46,7 +46,7 @@ pub struct Texts(Mutex<BTreeMap<PathBuf, (PathBuf, String)>>);
 impl Texts {
     /// Sets the text of a file that is not to be read from the disk, such as one with unsaved changes in an editor.
     ///
-    /// `path` is the path as graphs resolve it: that of the graph, or the folder of the graph joined with what it names.
+    /// `path` is the path as graphs resolve it: that of the graph, or the folder of the graph joined with the path in the text.
     pub fn set(&self, path: &Path, text: impl Into<String>) {
         let real = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let mut texts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -153,7 +153,7 @@ pub struct Loaded {
     pub root: Root,
 }
 
-/// One file of a graph that extends others: each adds to those before, and replaces what they have.
+/// One file of a graph that extends others: each adds to those before, and replaces their entries.
 #[derive(Debug)]
 pub(super) struct Layer {
     /// The file.
@@ -191,7 +191,7 @@ pub(super) struct Loader {
     pub text_bytes: u64,
     /// Locations of the uses of the sub-graphs that are being read, the innermost last.
     pub used_at: Vec<SourceLocation>,
-    /// Number of uses of required parameters that nobody has given.
+    /// Number of uses of required parameters that are not set.
     pub missing: usize,
     /// Prefixes of the ids of unreadable sub-graphs.
     pub lost: Vec<String>,
@@ -340,7 +340,7 @@ impl Loader {
         }
     }
 
-    /// Parses one file, and checks what fields it has.
+    /// Parses one file, and checks its fields.
     fn layer(&mut self, name: &str, text: String, folder: PathBuf) -> Option<Layer> {
         let parsed = lang::parse(&text);
         let file = self.sources.add(name, text);

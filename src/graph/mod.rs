@@ -112,7 +112,7 @@ impl Graph {
         self.order = order;
     }
 
-    /// The place of a node by its id.
+    /// The index of a node by its id.
     #[must_use]
     pub fn find(&self, id: &str) -> Option<usize> {
         self.nodes.iter().position(|n| n.id == id)

@@ -127,7 +127,7 @@ impl Loader {
         (params, node_sets)
     }
 
-    /// Reports the required parameters that nobody has given, at the use of the sub-graph.
+    /// Reports the required parameters that are not set, at the use of the sub-graph.
     fn required(&mut self, params: &BTreeMap<String, Given>, prefix: &str) {
         let missing: Vec<(&String, &Given)> =
             params.iter().filter(|(_, given)| is_required(&given.value)).collect();
@@ -157,7 +157,7 @@ impl Loader {
         self.found.push(found);
     }
 
-    /// Follows `"$name"` to the parameter that it stands for.
+    /// Follows `"$name"` to the parameter that it refers to.
     pub(super) fn resolve(&mut self, given: Given) -> Option<Given> {
         let mut given = given;
         for _ in 0..=self.limits.depth {

@@ -87,7 +87,7 @@ pub struct Upgraded {
 }
 
 /// Changes the text of a graph of an older version to the present node types and fields. Fields without a replacement are removed, and the
-/// changes say what has taken its place.
+/// changes name the replacements.
 ///
 /// # Errors
 /// If the text cannot be parsed.

@@ -38,7 +38,7 @@ pub enum AttributeKind {
     Error,
 }
 
-/// Something with a place in the text.
+/// An element with a location in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spanned<T> {
     /// Its location.

@@ -1,5 +1,5 @@
-//! The place of a cursor in a text that may be half-typed: the brackets around it and what can stand there. The brackets are those
-//! of the tokens before the cursor, so nothing that follows can hide it.
+//! The position of a cursor in a text that may be half-typed: the brackets around it and the kind of element that is valid there. The brackets are
+//! those of the tokens before the cursor, so nothing that follows can hide it.
 
 use super::error::Span;
 use super::lexer::{Token, lex};
@@ -44,7 +44,7 @@ pub enum Slot {
     After,
 }
 
-/// The place of a cursor.
+/// The position of a cursor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cursor {
     /// The open brackets, the outermost first.
@@ -69,7 +69,7 @@ pub struct Word {
 }
 
 impl Cursor {
-    /// The place of a byte offset in a text; `None` inside a comment.
+    /// The position of a byte offset in a text; `None` inside a comment.
     ///
     /// # Complexity
     /// Linear in the text.

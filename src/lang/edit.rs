@@ -1,4 +1,4 @@
-//! Changes to a text as edits of their own places, so that comments and layout stay.
+//! Changes to a text as edits of their own locations, so that comments and layout are preserved.
 
 use super::ast::{Document, Entry, Field, Value, ValueKind};
 use super::error::{Span, SyntaxError};
@@ -107,7 +107,7 @@ fn check_item(document: &Parse, text: &str, brackets: Brackets) -> Result<(), Ed
 /// A string that may be a link to a key.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkSite<'a> {
-    /// The entry of the map in which the string stands.
+    /// The entry of the map that contains the string.
     pub entry: &'a Entry,
     /// The innermost field that holds the string, if one does.
     pub field: Option<&'a Field>,

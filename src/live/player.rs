@@ -81,7 +81,7 @@ pub enum PlayerEvent {
     Swapped,
     /// The transition is over.
     TransitionOver,
-    /// The output of this node was not finite, and the node begins anew; reported once for each node.
+    /// The output of this node was not finite, and the node is reset; reported once for each node.
     Renewed(String),
     /// No sound for a second, although input arrives: nodes that give nothing, with the reasons.
     Silent(Vec<(String, String)>),

@@ -31,7 +31,7 @@ const GRAPH_FIELDS: [(&str, &str, &str); 6] = [
 
 /// Maximum number of items that are offered at once.
 const MAX_ITEMS: usize = 500;
-/// Maximum number of files of a folder that are looked at.
+/// Maximum number of files of a folder that are examined.
 const MAX_FILES: usize = 4000;
 /// Maximum depth of sub-graphs whose nodes are offered.
 const MAX_DEPTH: usize = 3;

@@ -56,7 +56,7 @@ fn choice(ty: &NodeType, field: &str, value: &Value, offset: usize) -> Option<(S
     Some((value.span(), format!("`{name}`: {}", doc(text))))
 }
 
-/// A field of a node: what it takes, and its documentation.
+/// A field of a node: its type, and its documentation.
 fn field_page(ty: &NodeType, name: &str) -> Option<String> {
     let (port, spec) = field_of(ty, name);
     let mut lines = Vec::new();

@@ -278,7 +278,7 @@ impl Names<'_> {
         });
     }
 
-    /// The parameters of a graph that stand for links.
+    /// The parameters of a graph whose values are links.
     fn link_params(&self, path: &Path, file: &TextFile, depth: usize) -> BTreeSet<String> {
         let mut found = BTreeSet::new();
         let mut used = |value: &Value| {

@@ -152,7 +152,7 @@ struct Requests<'a> {
     context: &'a Context<'a>,
 }
 
-/// A place in a text.
+/// A position in a text.
 struct Place {
     path: PathBuf,
     file: Arc<TextFile>,

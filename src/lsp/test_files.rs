@@ -26,7 +26,7 @@ pub fn is_test(file: &TextFile) -> bool {
     file.kind() == Some(NAME)
 }
 
-/// Every mistake in a test file, with its place.
+/// Every mistake in a test file, with its location.
 #[must_use]
 pub fn mistakes(file: &TextFile) -> Vec<(Span, String)> {
     let place = |found: Diagnostic| {

@@ -24,7 +24,7 @@ pub trait Observer: Debug + Send + 'static {
     fn value(&mut self, value: &AnyValue);
 }
 
-/// A tap that hands what it gets to an observer.
+/// A tap that passes its input to an observer.
 #[derive(Debug)]
 pub struct ObserverTap<O>(Arc<Mutex<O>>);
 

@@ -6,7 +6,7 @@ use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// Parameters that multiply what a node gives.
+/// Parameters that multiply the output of a node.
 const FACTORS: [&str; 8] =
     ["gain", "gains", "kappa", "level", "amplitude", "impacts", "impulse", "full_scale"];
 
@@ -46,7 +46,7 @@ pub fn reads_messages(graph: &Graph, id: &str) -> bool {
     false
 }
 
-/// A graph with what its nodes have given.
+/// A graph with the activity of its nodes.
 struct Search<'a> {
     graph: &'a Graph,
     reports: &'a [NodeReport],

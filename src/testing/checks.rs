@@ -138,7 +138,7 @@ pub struct Check {
     pub kind: Kind,
     /// Its name.
     pub name: &'static str,
-    /// Its place in the file.
+    /// Its location in the file.
     pub span: Span,
     /// Its fields.
     pub fields: BTreeMap<&'static str, Field>,

@@ -27,7 +27,7 @@ pub struct TestFile {
     pub cases: Vec<Case>,
 }
 
-/// A run of the graph, and what is expected of it.
+/// A run of the graph, and the expected outputs.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Its name.
@@ -47,7 +47,7 @@ pub struct Case {
 pub struct Expected {
     /// A file that the graph writes, or `NODE.PORT`.
     pub output: String,
-    /// Its place in the file.
+    /// Its location in the file.
     pub span: Span,
     /// The checks.
     pub checks: Vec<Check>,

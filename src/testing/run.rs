@@ -57,7 +57,7 @@ pub struct CheckResult {
     pub output: String,
     /// The check, with its time.
     pub check: String,
-    /// Its place in the test file.
+    /// Its location in the test file.
     pub span: Span,
     /// The result.
     pub verdict: Verdict,
@@ -74,14 +74,14 @@ enum Source {
     Output,
 }
 
-/// One run: what differs from the case as it is written.
+/// One run: its differences from the case as it is written.
 #[derive(Clone, Copy, Debug, Default)]
 struct Variant {
     seed: Option<u64>,
     other_window: bool,
 }
 
-/// Finds what the name of an output stands for.
+/// Finds the file or output that a name refers to.
 fn source(graph: &Graph, expected: &Expected, file: usize) -> Result<Source, Diagnostic> {
     let wanted = output_path(&expected.output).ok();
     let files = graph
@@ -127,7 +127,7 @@ impl Runner {
         session
     }
 
-    /// Runs a case, and returns what came out of each output.
+    /// Runs a case, and returns the content of each output.
     fn record(
         &self,
         file: &TestFile,

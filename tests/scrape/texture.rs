@@ -11,7 +11,7 @@ use std::path::Path;
 
 const FS: f64 = 44_100.0;
 
-/// The sound of an example with other numbers, in windows of so many samples.
+/// The sound of an example with other numbers, in windows of `window` samples.
 fn sound(name: &str, numbers: &[(&str, &str)], seconds: f64, window: usize) -> Vec<f32> {
     sound_cached(name, numbers, seconds, window, None)
 }

@@ -1,4 +1,4 @@
-//! Lists of recordings with what is known of each, as CSV.
+//! Lists of recordings with their metadata, as CSV.
 
 use crate::core::files::strip_bom;
 use std::collections::HashMap;
@@ -21,7 +21,7 @@ pub trait ManifestEntry: Default {
     /// Checks the fields of an entry.
     ///
     /// # Errors
-    /// A message that names the column, what was found, and what would be right.
+    /// A message that names the column, the value found, and what is needed.
     fn check(&self) -> Result<(), String> {
         Ok(())
     }
@@ -30,7 +30,7 @@ pub trait ManifestEntry: Default {
 /// Reads a manifest: a CSV with the columns of `E` in any order; `file` is required.
 ///
 /// # Errors
-/// A message with the line, the column, what was found, and what would be right.
+/// A message with the line, the column, the value found, and what is needed.
 pub fn read_manifest<E: ManifestEntry>(bytes: &[u8]) -> Result<Vec<E>, String> {
     let bytes = strip_bom(bytes);
     let text = std::str::from_utf8(bytes).map_err(|e| {

@@ -65,7 +65,7 @@ impl RecordingParam {
         Ok(reader)
     }
 
-    /// Reads a recording as a whole, with its channels averaged, and what is known of it.
+    /// Reads a recording as a whole, with its channels averaged, and its properties.
     ///
     /// # Errors
     /// A file that is no audio, is too long, or holds a sample that is not finite.

@@ -133,7 +133,7 @@ fn lines(sound: &ActiveSound, takes: &[MeasuredTake], unit: f64) -> (LineReport,
 /// recording of a second or more it is over its halves and quarters.
 ///
 /// # Complexity
-/// That of [`frame_repeats`], which takes most of the time.
+/// As [`frame_repeats`], which takes most of the time.
 ///
 /// # Example
 /// ```

@@ -48,7 +48,7 @@ impl FrameRepeat {
         self.correlation > threshold && !self.is_periodic(threshold)
     }
 
-    /// True if the frame is part of a tone: it repeats itself within its own length, and matches its past whether or not it was copied.
+    /// True if the frame is part of a tone: it repeats itself within its own length, and matches its past, copied or not.
     #[must_use]
     pub fn is_periodic(&self, threshold: f64) -> bool {
         self.periodicity > threshold

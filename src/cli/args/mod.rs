@@ -37,7 +37,7 @@ pub enum Command {
         after_help = "Examples:\n  foley run graphs/cloth/sheet.ron\n  foley run piece.ron --set cloth.path=cape.abc --tap mix.audio=mix.svg"
     )]
     Run(RunArgs),
-    /// Measure one output of a graph: run what it needs, write no file, and print what comes out
+    /// Measure one output of a graph: run only the nodes that it needs, write no file, and print its figures
     #[command(
         after_help = "Examples:\n  foley probe piece.ron mix\n  foley probe piece.ron contacts.impacts --first 20\n  foley probe piece.ron wind --from 1 --to 2 --svg wind.svg"
     )]
@@ -73,10 +73,10 @@ pub enum Command {
     /// Explain the code of an error
     #[command(after_help = "Examples:\n  foley explain F025\n  foley explain f048")]
     Explain(ExplainArgs),
-    /// List the nodes of a graph with what they read and give, or draw it
+    /// List the nodes of a graph with their inputs and outputs, or draw it
     #[command(after_help = "Examples:\n  foley graph piece.ron\n  foley graph piece.ron --svg piece.svg")]
     Graph(DrawArgs),
-    /// Tabulate parameters of nodes over several graphs, and what runs report of them
+    /// Tabulate parameters of nodes over several graphs, and figures of their runs
     #[command(
         after_help = "Examples:\n  foley table graphs/cloth/*.ron --column contacts.radius --column speed.threshold\n  foley table a.ron b.ron --run -c contacts.time -c fit.nodes --csv"
     )]
@@ -242,7 +242,7 @@ pub struct RunArgs {
     /// Folder for the files that the graph writes
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
-    /// Write what the run took and gave as JSON
+    /// Write the report of the run as JSON
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
     /// Write a checkpoint at this interval, from which the same command resumes; 0 writes none
@@ -301,7 +301,7 @@ pub struct CacheArgs {
 pub enum CacheCommand {
     /// Count entries and bytes, by node type
     Stat(StatArgs),
-    /// Remove what is worth least until the rest fits the size
+    /// Remove the least valuable entries until the rest fits the size
     Gc(GcArgs),
     /// List the dependencies of a result that have changed since the last run
     Why(WhyArgs),
@@ -580,7 +580,7 @@ pub struct OwnFiles {
     /// Copy this animation into the project, as the cloth; or this shape, as the object of a material
     #[arg(long, value_name = "FILE")]
     pub mesh: Option<PathBuf>,
-    /// Copy these recordings into the project: of the cloth, knocks on a material, grains, or what is put together anew
+    /// Copy these recordings into the project: of the cloth, knocks on a material, grains, or recordings to resynthesise
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub recordings: Vec<PathBuf>,
     /// Copy this image into the project, as the surface
@@ -608,7 +608,7 @@ pub enum Template {
     Material,
     /// Recordings cut into grains, played by triggers or by the contacts of a log
     Grains,
-    /// A recording put together anew
+    /// A resynthesised recording
     Numbers,
 }
 

@@ -57,7 +57,7 @@ pub(super) struct Session<'a> {
     pub(super) watcher: Option<FileWatcher>,
     pub(super) player: Player,
     pub(super) device: Option<Running>,
-    /// When a file has changed that has to be loaded.
+    /// Time of the change of a file that has to be loaded.
     pub(super) pending: Option<Instant>,
     pub(super) wrong: Option<FailedLoad>,
     /// Loads that are not audible yet: the time at which they began, and their description.
@@ -73,7 +73,7 @@ pub(super) struct Session<'a> {
     pub(super) over: bool,
     /// Windows that are reported as missing in the recording.
     pub(super) lost_windows: u64,
-    /// When the sound exceeded full scale first.
+    /// Time at which the sound first exceeded full scale.
     pub(super) loud: Option<Instant>,
     /// True if that is reported.
     pub(super) exceeded: bool,
@@ -116,7 +116,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Plays to the end, and finishes the recording and the report even if nobody reads standard output any more.
+    /// Plays to the end, and finishes the recording and the report even if standard output is closed.
     pub(super) fn run_loop(mut self, listening: &[(&str, Listener)]) -> anyhow::Result<Exit> {
         match self.begin(listening).map_err(Into::into).and_then(|()| self.play()) {
             Ok(exit) => self.end(exit),
@@ -408,7 +408,7 @@ impl Session<'_> {
         }
     }
 
-    /// Reports at once what the device loses.
+    /// Reports the losses of the device at once.
     fn report_device(&mut self) {
         let Some(status) = self.device.as_ref().map(|device| &device.status) else { return };
         if let Some(failure) = status.take_failure() {

@@ -113,7 +113,7 @@ impl Parser<'_> {
         });
     }
 
-    /// Reads what must cost one step of depth, or passes over it.
+    /// Reads an element that must cost one step of depth, or passes over it.
     pub(super) fn deeper(&mut self, content: impl FnOnce(&mut Self)) {
         if let Some(budget) = self.budget.checked_sub(1) {
             self.budget = budget;

@@ -69,7 +69,7 @@ pub fn start_recording(
     Ok((sender, thread))
 }
 
-/// Writes all samples. When the disk refuses some, the failure is reported at once, and the file ends with what is there.
+/// Writes all samples. When the disk refuses some, the failure is reported at once, and the file ends with the samples so far.
 fn write(
     mut writer: AudioWriter<File>,
     mut samples: Consumer<f32>,

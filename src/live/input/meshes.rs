@@ -63,7 +63,7 @@ struct Activity {
     start: Instant,
     /// Milliseconds from `start` to its last byte, or to the last frame that was due.
     last_ms: AtomicU64,
-    /// True if it has to give its place to another one.
+    /// True if another connection replaces it.
     close: AtomicBool,
 }
 
@@ -342,7 +342,7 @@ pub fn listen_to_meshes(
     }))
 }
 
-/// Closes the connection that has been silent longest, if that is `silence` or more; returns true if it has given its place.
+/// Closes the connection that has been silent longest, if that is `silence` or more; returns true if it will be replaced.
 fn make_place(senders: &mut Vec<(ScopedJoinHandle<'_, ()>, Arc<Activity>)>, silence: Duration) -> bool {
     let longest = (0..senders.len()).max_by_key(|&k| senders[k].1.silence());
     let Some(k) = longest.filter(|&k| senders[k].1.silence() >= silence) else { return false };

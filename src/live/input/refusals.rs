@@ -86,7 +86,7 @@ impl Refusals {
         self.note(text);
     }
 
-    /// Reports what is unusual about a message once.
+    /// Reports unusual properties of a message once.
     pub fn note(&self, text: impl FnOnce() -> String) {
         let texts = || self.texts.lock().unwrap_or_else(PoisonError::into_inner);
         if texts().known.len() >= MAX_TEXTS {

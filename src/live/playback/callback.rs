@@ -79,7 +79,7 @@ pub enum Command {
     Retune(Retunes),
     /// Replaces the node with this index by a new one of its type and parameters.
     Renew(usize, Box<dyn DynNode>),
-    /// Returns what the nodes have done.
+    /// Surveys the nodes of the region.
     Survey(Box<RegionSurvey>),
 }
 

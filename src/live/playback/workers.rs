@@ -92,7 +92,7 @@ impl WorkerRegion {
 }
 
 impl WorkerRegion {
-    /// Sends what is wrong with a node.
+    /// Sends the fault of a node.
     fn report(&mut self, to: &Sender<WorkerFault>) {
         if let Some((node, fault)) = self.fault.take() {
             let _ = to.send((self.number, node, Some(fault)));

@@ -37,11 +37,11 @@ pub struct Surveys {
 /// Measurements of the levels of all nodes, one after the other.
 #[derive(Default)]
 struct NodeLevels {
-    /// When the present step began; `None` if levels are not wanted.
+    /// Start of the present step; `None` if levels are not wanted.
     since: Option<Instant>,
     step: LevelStep,
     answers: Vec<RegionSurvey>,
-    /// Peaks of the last measurement that nobody has taken.
+    /// Peaks of the last measurement that have not been taken.
     last: Option<BTreeMap<String, f32>>,
 }
 

@@ -85,7 +85,7 @@ pub struct OutputLevel {
     pub events: Option<u64>,
     /// True if there was a number that is not 0, or an event.
     pub active: bool,
-    /// Start and end of what is above -80 dB of its peak, s.
+    /// Start and end of the part above -80 dB of its peak, s.
     pub span: Option<[f64; 2]>,
 }
 

@@ -71,7 +71,7 @@ pub trait Stateful {
     /// Saves the state, or replaces it.
     ///
     /// # Errors
-    /// When what was saved is not of this kind.
+    /// If the saved state is not of this kind.
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
 }
 

@@ -298,7 +298,7 @@ impl Stage {
         Ok(summaries)
     }
 
-    /// Returns what the nodes have done since the last survey, and why they have given nothing so far. Nothing is allocated or freed here.
+    /// Returns the activity of the nodes since the last survey, and the reasons for which they have given nothing so far. Nothing is allocated or freed here.
     pub fn survey(&mut self, survey: &mut Survey) {
         if let Some(active) = &mut survey.active {
             std::mem::swap(&mut self.active, active);

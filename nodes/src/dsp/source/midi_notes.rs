@@ -74,7 +74,7 @@ fn unreadable(part: &str, e: &midly::Error) -> String {
 /// over 127; times follow the changes of tempo of all tracks.
 ///
 /// # Errors
-/// A message with the track, what was found, and what would be right.
+/// A message with the track, the value found, and what is needed.
 pub fn read_midi_notes(bytes: &[u8], rules: NoteRules) -> Result<Vec<(f64, Trigger)>, String> {
     if !bytes.starts_with(b"MThd") {
         return Err("this is no standard MIDI file, which begins with `MThd`".into());

@@ -208,7 +208,7 @@ impl SteadyTracks {
         Self { hop: self.hop, grains: grains.map(|(_, tracks)| tracks.clone()).collect() }
     }
 
-    /// Checks what the type does not enforce.
+    /// Checks the invariants that the type does not enforce.
     ///
     /// # Errors
     /// The first thing found.

@@ -269,7 +269,7 @@ impl GrainDictionary {
         sum as f64 / self.grains.len().max(1) as f64
     }
 
-    /// Blocks of equal steps of each run, as samples of one channel of the run: margins, grains, and what lies between them.
+    /// Blocks of equal steps of each run, as samples of one channel of the run: margins, grains, and the samples between them.
     #[must_use]
     pub fn blocks(&self) -> Vec<Vec<Range<usize>>> {
         let mut ends: Vec<Vec<usize>> = self.runs.iter().map(|run| vec![0, run.frames as usize]).collect();
@@ -317,7 +317,7 @@ impl GrainDictionary {
         }
     }
 
-    /// Checks what the type does not enforce.
+    /// Checks the invariants that the type does not enforce.
     ///
     /// # Errors
     /// The first thing found.

@@ -23,7 +23,7 @@ const RANGE: f64 = 20.0;
 /// Minimum share of a continuous recording that sounds.
 const SHARE: f64 = 0.5;
 
-/// Guesses whether a recording is of impacts or of contact that lasts.
+/// Guesses if a recording is of impacts or of contact that lasts.
 ///
 /// It is continuous if it is longer than 0.5 s, is within 20 dB of its loudest frame of 10 ms for half of its time, and does not fall by 30 dB
 /// within a second after its loudest frame without rising again: a glass that rings is an impact.

@@ -31,7 +31,7 @@ impl Part {
     }
 }
 
-/// A recording with what is known of it.
+/// A recording with its metadata.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GrainRecording {
     /// Provenance: its path by default.

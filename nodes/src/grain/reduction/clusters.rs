@@ -7,7 +7,7 @@ use crate::grain::dictionary::GrainDictionary;
 /// The grain that replaces another, with its shift and gain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Substitute {
-    /// Index of the grain that stands for it; its own if it is the leader of its cluster.
+    /// Index of the grain that replaces it; its own if it is the leader of its cluster.
     pub grain: u32,
     /// Samples by which the window of that grain begins later.
     pub lag: i32,

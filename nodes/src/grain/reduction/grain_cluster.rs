@@ -51,7 +51,7 @@ ports! {
             reduced: Value<GrainDictionary>,
             /// The patterns over them.
             rewritten: Value<CorrelationPatterns>,
-            /// The grain that stands for each grain, and its correlation with it.
+            /// The leader of each grain, and its correlation with it.
             table: Value<ResultTable>,
         }
     }

@@ -171,7 +171,7 @@ pub struct TrackSynthesis {
 impl_state!(TrackSynthesis { slots });
 
 impl TrackSynthesis {
-    /// A synthesis of so many slots at a rate in Hz.
+    /// Creates a synthesis of `slots` slots at a rate in Hz.
     #[must_use]
     pub fn new(slots: usize, [hop, half_window]: [usize; 2], rate: f64) -> Self {
         Self {

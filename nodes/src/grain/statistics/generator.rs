@@ -51,7 +51,7 @@ pub struct GeneratedGrain {
 pub struct Generator {
     /// Number of grains so far.
     index: u64,
-    /// When the next grain begins, samples.
+    /// Start of the next grain, samples.
     time: f64,
     /// Normal variable of the last level.
     normal: f64,
@@ -71,7 +71,7 @@ fn drawn(chances: &[f64], share: f64) -> usize {
 }
 
 impl Generator {
-    /// When the next grain begins, in samples.
+    /// Start of the next grain, samples.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time

@@ -54,7 +54,7 @@ params! {
         rolling: Text = "roll rolling".into();
         /// Tags of breaking, for impacts of at least `break_energy`; a trigger has no energy.
         breaking: Text = "break".into();
-        /// Tags of what triggers play, by their index; a trigger of another index plays an impact.
+        /// Tags of the sounds of triggers, by their index; a trigger of another index plays an impact.
         triggered: Vec<Text> = Vec::new();
         /// Body whose impacts and contacts sound; None for all.
         object: Option<u32> = None, unit "", range 0..=u32::MAX;

@@ -12,7 +12,7 @@ pub const KNOTS: [usize; 2] = [4, 8];
 /// Minimum and maximum exponent of a power law.
 pub const EXPONENT: [f64; 2] = [0.25, 2.0];
 
-/// The quantity that a damping stands for.
+/// The quantity that a damping represents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Convention {
     /// `c` of the mode equation `z'' + c z' + lambda z = p`, 1/s.

@@ -20,7 +20,7 @@ const PRIOR: [f64; 2] = [0.5, 10.0];
 const CLUSTER: f64 = 8.0;
 /// Share of spurious points above which it has one.
 const CROWDED: f64 = 0.5;
-/// Maximum number of times that clusters are looked for.
+/// Maximum number of searches for clusters.
 const SEARCHES: usize = 3;
 /// Largest logit of the share of a cluster.
 const MAX_LOGIT: f64 = 14.0;

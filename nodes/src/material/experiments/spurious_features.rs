@@ -54,7 +54,7 @@ pub struct SpuriousFeatures;
 /// Frequencies of spurious features.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// Those of the features that they replace.
+    /// The frequencies of the features that they replace.
     LogUniform,
     /// Within 0.1 % of one of three.
     Clustered,

@@ -45,7 +45,7 @@ pub struct Dropped {
     pub reason: DropReason,
 }
 
-/// Points with their recordings, and what was dropped.
+/// Points with their recordings, and the dropped features.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DampingPoints {

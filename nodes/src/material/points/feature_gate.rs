@@ -42,7 +42,7 @@ ports! {
             modes: Many<Value<Modes>>,
         }
         out {
-            /// The points, and what was dropped.
+            /// The points, and the dropped features.
             points: Value<DampingPoints>,
         }
     }

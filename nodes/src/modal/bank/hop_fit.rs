@@ -14,7 +14,7 @@ const END_WEIGHT: f64 = 0.125;
 
 /// Fits damped sines over one hop by the bins of a frame of two hops.
 ///
-/// Of a frame of `N` samples only the first half is used, so the second half is free. The fit is the sum of the bins nearest to a mode that
+/// Only the first half of a frame of `N` samples is used, so the second half is free. The fit is the sum of the bins nearest to a mode that
 /// has the least squared error over the half, with additional weight on its two ends. Every hop follows from the states of the
 /// modes at its start: hops do not overlap, there is no latency, and a new impulse changes nothing before it.
 ///

@@ -30,7 +30,7 @@ pub enum Extractor {
         /// smaller errors.
         domain: FitDomain,
     },
-    /// `Subband`, then `Greedy` in what its modes leave unexplained, and the selection among all where it explains more.
+    /// `Subband`, then `Greedy` in the residual of its modes, and the selection among all where it explains more.
     Hybrid {
         /// Share of the energy above the noise.
         target: f64,

@@ -44,7 +44,7 @@ choices! {
         Subband,
         /// Peaks of spectrograms, one after the other, as in the paper: for modes that stand alone.
         Greedy,
-        /// `Subband`, then `Greedy` in what its modes leave unexplained: takes as long as both.
+        /// `Subband`, then `Greedy` in the residual of its modes: takes as long as both.
         Hybrid,
     }
 }

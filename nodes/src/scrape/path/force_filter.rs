@@ -87,7 +87,7 @@ impl Recent {
         self.within(window).map(|[time, value]| time * value).sum::<f64>() / window
     }
 
-    /// Mean over what there is of a window.
+    /// Mean over the available part of a window.
     fn mean_since_begin(&self, window: f64) -> f64 {
         let sums =
             self.within(window).fold([0.0; 2], |[t, sum], [time, value]| [t + time, sum + time * value]);
@@ -122,20 +122,20 @@ struct ContactForce {
     last: Tick,
     raw: Recent,
     smooth: Recent,
-    /// Weight of what touches, by its mass or by its first impact, N.
+    /// Weight of the body that touches, by its mass or by its first impact, N.
     weight: f64,
 }
 
 /// Friction work over the friction coefficient, N m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrictionWork {
-    /// Of all frames.
+    /// Work in all frames.
     pub all: f64,
-    /// Of the frames that sound.
+    /// Work in the frames that sound.
     pub heard: f64,
-    /// Of the smoothed force in the frames that sound, and of what the limit leaves of it.
+    /// Work of the smoothed force in the frames that sound.
     pub smoothed: f64,
-    /// The rest after the limit.
+    /// Work of the part of it that the limit leaves.
     pub limited: f64,
 }
 

@@ -13,7 +13,7 @@ pub struct Voice {
     pub gains: Vec<f64>,
     /// Largest gain at any point of the surface.
     pub reach: f64,
-    /// Modes of the model that it stands for, with the sound of each per modal impulse: several after merging.
+    /// Modes of the model that it represents, with the sound of each per modal impulse: several after merging.
     pub members: Vec<(usize, f64)>,
 }
 

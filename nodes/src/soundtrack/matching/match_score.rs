@@ -15,7 +15,7 @@ use crate::{params, ports};
 params! {
     /// Makes a score in which one sound is wanted at all matches of a motion.
     ///
-    /// The sound is one or more intervals of a recording: `segments`, and what a `SoundSpot` has found. A match of similarity `s` has the weight
+    /// The sound is one or more intervals of a recording: `segments`, and those that a `SoundSpot` has found. A match of similarity `s` has the weight
     /// `weight ((s - threshold) / (1 - threshold) proportion + 1 - proportion)`, with a soft beginning and end.
     ///
     /// # Source

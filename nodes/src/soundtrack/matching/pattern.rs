@@ -62,17 +62,17 @@ pub enum QueryError {
     /// Other channels.
     #[error("the query has {query} channels, the motion {motion}")]
     Channels {
-        /// Those of the query.
+        /// Number of channels of the query.
         query: usize,
-        /// Those of the motion.
+        /// Number of channels of the motion.
         motion: usize,
     },
     /// Other rates.
     #[error("the query has {query} frames a second, the motion {motion}")]
     Rates {
-        /// That of the query.
+        /// Rate of the query.
         query: f64,
-        /// That of the motion.
+        /// Rate of the motion.
         motion: f64,
     },
     /// Outside of its curve, or too short.

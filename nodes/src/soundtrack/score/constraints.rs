@@ -9,7 +9,7 @@ use crate::artefact::text::{Location, TextError};
 use crate::soundtrack::wavelet::WaveletTree;
 use std::collections::HashMap;
 
-/// End of what has no end, s.
+/// End of an interval without an end, s.
 pub const NEVER: f64 = 1e12;
 /// Greatest weight of a soft constraint.
 pub const SOFT: f64 = 0.99;

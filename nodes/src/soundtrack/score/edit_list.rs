@@ -1,4 +1,4 @@
-//! Edit lists of a picture that was cut anew, and the scores that make its soundtrack follow them.
+//! Edit lists of a recut picture, and the scores that make its soundtrack follow them.
 //!
 //! An edit shows an interval of a source at an interval of the picture that results. A score includes the sound of the same interval of
 //! the source there, so that a soundtrack of the source becomes one of the new cut.

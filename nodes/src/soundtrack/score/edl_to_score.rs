@@ -13,7 +13,7 @@ use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
 params! {
-    /// Makes a score of the edit list of a picture that was cut anew: the sound of the source follows its picture.
+    /// Makes a score of the edit list of a recut picture: the sound of the source follows its picture.
     ///
     /// Each interval of the source becomes a sound, and each edit a target with a constant weight. Lists are read in three formats, detected
     /// by their content: CMX 3600 (`.edl`), OpenTimelineIO (`.otio`), and CSV with the columns `target_from`, `target_to`, `source_from`,

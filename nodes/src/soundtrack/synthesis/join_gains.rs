@@ -75,7 +75,7 @@ impl JoinGains {
         self.gains.iter_mut().for_each(|gain| gain[1] = self.remains * gain[0]);
     }
 
-    /// Applies the gains to the details of the last block in a level of so many, of one channel.
+    /// Applies the gains to the details of one channel of the last block in a level, one of `levels` levels.
     pub fn apply(&self, levels: usize, level: usize, details: &mut [f32]) {
         let octave = (level + self.gains.len()).checked_sub(levels);
         let Some([start, end]) = octave.and_then(|octave| self.gains.get(octave)).copied() else { return };

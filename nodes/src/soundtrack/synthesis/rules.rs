@@ -1,4 +1,4 @@
-//! Rules of a synthesis, and counts of what happened.
+//! Rules of a synthesis, and counts of its choices.
 
 use super::morph::OverlapMode;
 use crate::core::node::Summary;
@@ -60,7 +60,7 @@ pub struct SynthesisRules {
     pub join_gain: f64,
     /// Method of counting similar ancestors and predecessors.
     pub count: MatchCount,
-    /// When ancestors are similar.
+    /// Criterion by which ancestors are similar.
     pub criterion: MatchCriterion,
     /// The candidates that are compared.
     pub search: CandidateSearch,

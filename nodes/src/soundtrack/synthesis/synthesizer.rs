@@ -14,7 +14,7 @@ use crate::soundtrack::score::{Constraint, Constraints, NodeSet, WeightStream};
 use crate::soundtrack::wavelet::{BorderKind, TextureModel};
 use std::sync::Arc;
 
-/// Nodes of a set up to which each is looked at.
+/// Maximum size of a set whose nodes are examined one by one.
 const FEW: usize = 64;
 
 /// The longest stretch is drawn for each root, between this share of it and the whole.
@@ -373,8 +373,9 @@ impl Synthesizer {
     }
 }
 
-/// The longest stretch below a root, samples; `before` is the root of the leaf before it. A fixed length would be heard as a rhythm. Where three roots fit, more than half
-/// of all stretches are shorter than two; where two fit, they are anyway. What is loud above 8 kHz goes on as long as it may, so that few joins are heard.
+/// The longest stretch below a root, samples; `before` is the root of the leaf before it. A fixed length would be heard as a rhythm. Where three
+/// roots fit, more than half of all stretches are shorter than two; where two fit, they are anyway. Parts that are loud above 8 kHz continue as
+/// long as permitted, so that few joins are audible.
 ///
 /// A recording with enough borders before loud ones is joined mostly at borders of roots, where levels are compared: joins within roots would modulate it.
 /// In others it would be joined at their few loud borders too often.

@@ -84,7 +84,7 @@ impl TextureStream {
         self.has_begun = true;
     }
 
-    /// Makes one root and what it completes.
+    /// Makes one root and the samples that it completes.
     fn advance(&mut self, weights: Option<WeightStream<'_>>) {
         self.synthesizer.advance(weights);
         let tree = &self.model.tree;
@@ -116,7 +116,7 @@ impl TextureStream {
     /// `audio`: whole frames of the channels of the model. `positions`: those that begin within these frames, or none.
     ///
     /// # Complexity
-    /// That of [`Synthesizer`], and linear in the samples.
+    /// As [`Synthesizer`], and linear in the samples.
     pub fn fill(
         &mut self,
         first: i64,

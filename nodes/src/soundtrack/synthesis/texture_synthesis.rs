@@ -97,7 +97,7 @@ ports! {
             model: Value<TextureModel>,
             /// The sounds that are wanted, or not.
             score: Option<Value<SoundScore>>,
-            /// Weights of the first sounds of the score, from -1 to 1; what is not finite is 0.
+            /// Weights of the first sounds of the score, from -1 to 1; weights that are not finite count as 0.
             weights: Option<Stream<f32>>,
         }
         out {

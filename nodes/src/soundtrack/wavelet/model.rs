@@ -158,8 +158,8 @@ impl TextureModel {
         Self { envelopes: Envelopes::new(&tree), tree, thresholds, order, redundant }
     }
 
-    /// True if a node and all below it are 0, and the next node and all below that too: of digital silence, the last node stands for all. What is
-    /// below a redundant node is redundant.
+    /// True if a node and all below it are 0, and the next node and all below that too: the last node represents all of a digital silence. Nodes
+    /// below a redundant node are redundant.
     #[must_use]
     pub fn is_redundant(&self, level: usize, node: u32) -> bool {
         self.redundant.get(level).is_some_and(|nodes| nodes.get(node as usize).copied().unwrap_or(false))

@@ -20,7 +20,7 @@ pub(super) struct RepeatCounter {
     frame: usize,
     /// The last picks, the latest first.
     last: VecDeque<u32>,
-    /// For each lag, the number of picks in sequence that equal those so many picks before.
+    /// For each lag, the number of consecutive picks that equal those of that many picks before.
     runs: Vec<u32>,
     /// Picks since the last that was counted.
     uncounted: usize,

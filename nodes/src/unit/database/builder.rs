@@ -159,7 +159,7 @@ pub fn build(
 /// The level of the floor does not depend on the copies.
 ///
 /// # Errors
-/// Those of [`build`], and speeds that cannot be reached.
+/// As [`build`], and for speeds that cannot be reached.
 pub fn build_augmented(
     takes: &[Take<'_>],
     c: &FeatureConventions,

@@ -199,7 +199,7 @@ impl KdTree {
     }
 }
 
-/// The square of a distance and what rounding may add to it; negative where no distance is small enough.
+/// The square of a distance with the rounding error that may add to it; negative where no distance is small enough.
 #[inline(always)]
 fn square_with_margin(distance: f64, rounding: f64) -> f32 {
     if distance < 0.0 {

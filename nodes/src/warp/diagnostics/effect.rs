@@ -38,7 +38,7 @@ pub struct Baseline {
     choices: Vec<Choice>,
     picks: Vec<u32>,
     folds: f64,
-    /// Units that are looked at for folds.
+    /// Number of units that are examined for folds.
     surveyed: Vec<usize>,
     params: SelectorParams,
     selector: Box<dyn Selector>,

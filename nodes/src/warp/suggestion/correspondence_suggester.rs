@@ -124,7 +124,7 @@ impl UnitPower {
     }
 }
 
-/// Returns for each segment of a database whether it has a cause, if its tag states one.
+/// Returns for each segment of a database true if it has a cause; `None` if its tag does not state one.
 fn tagged(db: &UnitDatabase, segments: &[&Segment], cause: &str) -> Vec<Option<bool>> {
     let known = |tag: &str| CAUSES.contains(&tag) || tag == SILENCE_TAG;
     let segment = |s: &&Segment| {

@@ -22,7 +22,7 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// A budget of so many bytes; clones share it.
+    /// A budget of `bytes` bytes; clones share it.
     #[must_use]
     pub fn new(bytes: usize) -> Self {
         Self(Arc::new(AtomicUsize::new(bytes)))
