@@ -57,7 +57,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
                 Ok(link) => link,
                 Err(diagnostic) => {
                     let value = (checked_node.ty.params)().into_iter().find(|param| param.name == spec.name);
-                    let value = value.and_then(|param| meant(&text.text, &param)).map(|(value, _)| value);
+                    let value = value.and_then(|param| interpret(&text.text, &param)).map(|(value, _)| value);
                     let fix = value.map(|value| fixes::write(&value, &text.location));
                     found.push(diagnostic.node(&raw[k].id).fixes(fix));
                     good[k] = false;
@@ -421,7 +421,7 @@ const MAX_NUMBER: usize = 32;
 /// Interprets a text in place of a number, a rate or a choice: `"48 kHz"` is 48000.
 ///
 /// Returns the value, and the text that explains it.
-fn meant(text: &str, spec: &ParamSpec) -> Option<(String, String)> {
+fn interpret(text: &str, spec: &ParamSpec) -> Option<(String, String)> {
     let unit = match spec.kind.innermost() {
         ParamKind::Choice(choices) => {
             let (name, _) = choices.iter().find(|(name, _)| name.eq_ignore_ascii_case(text))?;
@@ -465,7 +465,7 @@ fn mismatched(
             let message = format!("`{name}` takes {expected}, found {found}");
             let error = Diagnostic::error("F014", message, location.clone());
             let text = found.strip_prefix('"').and_then(|text| text.strip_suffix('"'));
-            match text.zip(spec).and_then(|(text, spec)| meant(text, spec)) {
+            match text.zip(spec).and_then(|(text, spec)| interpret(text, spec)) {
                 Some((value, meant)) => error.help(meant).fixes([fixes::write(&value, &location)]),
                 None => error,
             }

@@ -319,7 +319,7 @@ pub fn listen_to_meshes(
                     continue;
                 };
                 senders.retain(|(sender, _)| !sender.is_finished());
-                if senders.len() >= MAX_CONNECTIONS && !make_place(&mut senders, SILENCE) {
+                if senders.len() >= MAX_CONNECTIONS && !close_longest_silent(&mut senders, SILENCE) {
                     hub.refusals.add(Refusal::Malformed);
                     report(&format!(
                         "mesh from {from}: {MAX_CONNECTIONS} others are connected, and no more are accepted"
@@ -343,7 +343,10 @@ pub fn listen_to_meshes(
 }
 
 /// Closes the connection that has been silent longest, if that is `silence` or more; returns true if it will be replaced.
-fn make_place(senders: &mut Vec<(ScopedJoinHandle<'_, ()>, Arc<Activity>)>, silence: Duration) -> bool {
+fn close_longest_silent(
+    senders: &mut Vec<(ScopedJoinHandle<'_, ()>, Arc<Activity>)>,
+    silence: Duration,
+) -> bool {
     let longest = (0..senders.len()).max_by_key(|&k| senders[k].1.silence());
     let Some(k) = longest.filter(|&k| senders[k].1.silence() >= silence) else { return false };
     let (sender, activity) = senders.swap_remove(k);

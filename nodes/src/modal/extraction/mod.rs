@@ -6,7 +6,6 @@
 mod bands;
 pub mod comparison;
 mod dictionary;
-mod doubts;
 mod exponentials;
 pub mod extract;
 pub mod feature;
@@ -31,3 +30,4 @@ mod spectrograms;
 mod subband;
 pub mod surrogate;
 pub mod takes;
+mod warnings;

@@ -1,6 +1,5 @@
 //! Modes of many recordings with their uncertainties, as a node.
 
-use super::doubts::{UNCERTAINTY, doubts};
 use super::extract::{ExtractParams, Extractor, extract};
 use super::feature::{FeatureSet, FeatureSets};
 use super::one_object::{ONE_OBJECT, TakeSound, compare_takes, median_of_take};
@@ -12,6 +11,7 @@ use super::room::Room;
 use super::sources::Sources;
 use super::surrogate::surrogate;
 use super::takes::Take;
+use super::warnings::{UNCERTAINTY, warnings};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -253,7 +253,7 @@ impl Found {
                 surrogate_db,
                 ringing: surrogate_db.map(|db| found.residual_db <= db - RINGING),
                 by_other_takes_db: None,
-                warnings: doubts(sound, rate, &found, room),
+                warnings: warnings(sound, rate, &found, room),
                 phase_drifts: certain.iter().map(|f| phase_drift(f, &found.residual, rate)).collect(),
                 features: certain.clone(),
                 picture: Image::grey(PICTURE, &pixels).unwrap_or_default(),

@@ -142,7 +142,7 @@ impl Baseline {
     }
 
     /// The picks that are still in their cool-off when unit `unit` is chosen.
-    fn resting(&self, unit: usize) -> &[u32] {
+    fn in_cool_off(&self, unit: usize) -> &[u32] {
         let from = unit.saturating_sub(self.params.cool_off.max(self.params.loop_guard + 4));
         self.picks.get(from..unit.min(self.picks.len())).unwrap_or_default()
     }
@@ -194,7 +194,7 @@ impl Baseline {
         let mut selector = self.selector.boxed_clone();
         let (mut changed, mut fallbacks) = (Vec::new(), 0);
         for &unit in some {
-            selector.set_history(self.resting(unit));
+            selector.set_history(self.in_cool_off(unit));
             let window = self.window(warped, unit);
             let choice = selector.choose(window).map_err(|k| k.after(self.window_start(unit)))?;
             let Some(before) = self.choices.get(unit) else { continue };
@@ -212,7 +212,7 @@ impl Baseline {
     /// Names a unit whose warped features are not finite.
     pub fn picks_with(&self, rest: &Tps, interval: std::ops::Range<usize>) -> Result<Vec<u32>, NotFinite> {
         let warped = warped(&self.target, &[rest]).concat();
-        let before = self.resting(interval.start);
+        let before = self.in_cool_off(interval.start);
         let chosen = self.run(&warped, interval.start..interval.end.min(self.len()), before)?;
         Ok(chosen.into_iter().map(|choice| choice.unit).collect())
     }

@@ -194,10 +194,10 @@ fn a_connection_that_is_silent_gives_its_place_to_another() {
             (sender, activity)
         };
         let mut senders: Vec<_> = [19_000, 1000, 10_000].map(connect).into();
-        assert!(make_place(&mut senders, SILENCE));
+        assert!(close_longest_silent(&mut senders, SILENCE));
         let left: Vec<_> = senders.iter().map(|(_, activity)| activity.last_ms.load(Relaxed)).collect();
         assert_eq!((left.len(), left.contains(&1000)), (2, false));
-        assert!(!make_place(&mut senders, SILENCE), "the others are not silent for long enough");
+        assert!(!close_longest_silent(&mut senders, SILENCE), "the others are not silent for long enough");
         senders.iter().for_each(|(_, activity)| activity.close.store(true, Relaxed));
     });
 }
