@@ -225,7 +225,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
                     FieldError::Missing(name) => {
                         let spec = specs.iter().find(|s| s.name == *name);
                         let kind = spec.map(|s| s.kind.to_string()).unwrap_or_default();
-                        let message = format!("parameter `{name}` ({kind}) has to be given");
+                        let message = format!("parameter `{name}` ({kind}) is required");
                         let fix = spec.map(|s| fixes::set_field(&node.body(), name, &placeholder(s)));
                         loader.found.push(error("F013", message, &node.location).fixes(fix));
                     }

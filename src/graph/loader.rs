@@ -359,8 +359,7 @@ impl Loader {
                 );
             }
             None => {
-                let warning =
-                    Diagnostic::warning("F003", "the file does not say which schema it follows", at(0..0));
+                let warning = Diagnostic::warning("F003", "the file does not state its schema", at(0..0));
                 let line = format!("#![schema = {SCHEMA:?}]");
                 let fix = Fix::replace(format!("begin with {line}"), at(0..0), format!("{line}\n"));
                 self.found.push(warning.help(format!("begin with {line}")).fixes([fix]));

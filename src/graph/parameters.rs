@@ -140,14 +140,14 @@ impl Loader {
         let names = names.join(", ");
         let found = match self.used_at.last() {
             Some(location) => {
-                let message = format!("sub-graph `{}` has to be given {names}", prefix.trim_end_matches('.'));
+                let message = format!("sub-graph `{}` requires {names}", prefix.trim_end_matches('.'));
                 let found = Diagnostic::error("F032", message, location.clone());
                 found
                     .label(given.location.clone(), "required here")
                     .help(format!("write Sub(path: \"...\", params: {{ \"{first}\": ... }})"))
             }
             None => {
-                let message = format!("this graph has to be given {names}");
+                let message = format!("this graph requires {names}");
                 let help = format!(
                     "it is made for `use` in another graph; --set {first}=VALUE gives a value as well"
                 );
@@ -194,7 +194,7 @@ impl Loader {
                 }
             }
         }
-        self.error("F027", "parameters that stand for each other in a circle", given.location);
+        self.error("F027", "parameters refer to each other in a cycle", given.location);
         None
     }
 
@@ -212,7 +212,7 @@ impl Loader {
             let own = name.rsplit('.').next().unwrap_or(name);
             let message = format!("nothing uses the parameter `{name}`");
             Diagnostic::warning("F029", message, location.clone())
-                .help(format!("write \"${own}\" where its value is to stand"))
+                .help(format!("write \"${own}\" where its value is used"))
         };
         unused.map(warn).collect()
     }

@@ -25,10 +25,10 @@ pub struct TextEdit {
 #[non_exhaustive]
 pub enum EditError {
     /// No value of the document has exactly this span.
-    #[error("no value stands at {}..{}", .0.start, .0.end)]
+    #[error("there is no value at {}..{}", .0.start, .0.end)]
     NoValue(Span),
     /// No map key with exactly this span is a string.
-    #[error("no map key that is a string stands at {}..{}", .0.start, .0.end)]
+    #[error("there is no string as a map key at {}..{}", .0.start, .0.end)]
     NoKey(Span),
     /// The new text is not a value.
     #[error("the new text is not a value: {0}")]

@@ -21,10 +21,10 @@ use std::path::Path;
 
 /// Fields of a graph, each with its value as a snippet and its documentation.
 const GRAPH_FIELDS: [(&str, &str, &str); 6] = [
-    ("title", "\"$1\"", "What the graph is called."),
+    ("title", "\"$1\"", "Title of the graph."),
     ("seed", "${1:0}", "Seed of all randomness in the graph."),
     ("extends", "\"$1\"", "The path of a graph that this one adds to and changes."),
-    ("params", "{\n    $0\n}", "Values that `\"$name\"` stands for; `--set NAME=VALUE` changes them."),
+    ("params", "{\n    $0\n}", "Values to which `\"$name\"` refers; `--set NAME=VALUE` changes them."),
     ("use", "{\n    $0\n}", "Sub-graphs by name; their nodes get ids such as `name.node`."),
     ("nodes", "{\n    $0\n}", "The nodes, each by its id."),
 ];

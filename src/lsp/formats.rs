@@ -31,7 +31,7 @@ pub static FORMATS: [Format; 3] = [
     },
     Format {
         name: "SoundScore",
-        doc: "Where which sounds of a recording are to be heard.",
+        doc: "Sounds of recordings, and when they occur in the output.",
         check: |text| read_score(text).map(drop),
     },
 ];

@@ -51,7 +51,7 @@ pub fn suggestions(cursor: &Cursor) -> Vec<Suggestion> {
         }
         ([_, cases], Slot::Value(_)) if cases.key() == Some("cases") => {
             let insert = "Case(outputs: {\"$1\": [$2]})".to_owned();
-            vec![Suggestion { name: "Case", insert, doc: "A run of the graph, and what is expected of it." }]
+            vec![Suggestion { name: "Case", insert, doc: "A run of the graph, and its checks." }]
         }
         ([_, _, case], Slot::Item) if case.name() == Some("Case") => [
             ("set", "{\"$1\": $2}", "Values as of `--set`."),

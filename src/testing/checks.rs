@@ -126,7 +126,7 @@ pub const CHECKS: &[CheckSpec] = checks![
     Numbers, "smallest and largest number": [("between", Given::Bounds, true), DURING];
     Value, "a field of a value": [("at", Given::Text, false), ("is", Given::Any, true)];
     SameAs, "the samples of a file": [("file", Given::Text, true), ("below", Given::Level, false)];
-    Stored, "what `foley test --write` stored": [("digest", Given::Text, false), ("file", Given::Text, false), ("below", Given::Level, false)];
+    Stored, "the result stored by `foley test --write`": [("digest", Given::Text, false), ("file", Given::Text, false), ("below", Given::Level, false)];
     Repeats, "a second run with another window and one thread gives the same": [];
     SameForSeeds, "other seeds give the same": [("seeds", Given::Seeds, true), ("below", Given::Level, false)];
 ];

@@ -126,7 +126,7 @@ impl Reader<'_> {
                 let message = format!("schema {:?} is not that of a test file", schema.value);
                 self.error(message, schema.span(), right);
             }
-            None => self.error("the file does not say which schema it follows", 0..0, right),
+            None => self.error("the file does not state its schema", 0..0, right),
         }
         let mut cases = Vec::new();
         if let Some(value) = document.value.filter(|value| !value.is_error()) {

@@ -50,7 +50,7 @@ impl Parser<'_> {
         if named == 1 && self.fields_in_braces() {
             return self.node(Struct, |p| {
                 p.bump();
-                p.error_here(ErrorKind::Unexpected, "`(`: fields stand in parentheses");
+                p.error_here(ErrorKind::Unexpected, "`(`: fields are enclosed in parentheses");
                 p.enter(Body::Fields);
             });
         }
