@@ -118,7 +118,7 @@ fn mesh_node(mesh: Option<&Path>, crumples: bool) -> String {
         return format!("        \"cloth\": MeshSequence(path: {file:?}),");
     }
     format!(
-        "        // This format does not say how many frames there are in a second: set what the animation has.\n        \
+        "        // This format does not store the frame rate: set that of the animation.\n        \
          \"cloth\": MeshSequence(path: {file:?}, fps: 30),"
     )
 }
@@ -312,7 +312,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     if template == Template::Cloth && has_extension(own.mesh.as_deref(), &["pc2"]) {
         writeln!(
             stdout(),
-            "note: a PC2 does not say how many frames there are in a second: `fps: 30` is a guess, set it in {name}.ron"
+            "note: a PC2 file does not store its frame rate: `fps: 30` is a guess, set it in {name}.ron"
         )?;
     }
     let verb = if template == Template::Live { "live" } else { "run" };

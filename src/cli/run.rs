@@ -38,7 +38,9 @@ pub(super) fn stop_on_signals(progress: &Arc<Progress>) {
         let Some(run) = current().clone() else { return };
         // The first signal waits for the current computation, so that no partial file remains; the second one does not.
         if run.stop.swap(true, Ordering::SeqCst) {
-            console::print_message("stopped at once: what was begun may lie in the output folder as `.part`");
+            console::print_message(
+                "stopped at once: unfinished files may remain in the output folder as `.part`",
+            );
             std::process::exit(Exit::Again.code().into());
         }
     });
@@ -174,7 +176,7 @@ pub(super) fn note_lines<'a>(notes: impl Iterator<Item = &'a (String, String)>) 
     let more = counts.iter().filter(|(_, count)| *count > MAX_NOTES);
     lines.extend(more.map(|(id, count)| {
         let hidden = count - MAX_NOTES;
-        format!("note: {id}: {hidden} more notes, all of which `--report FILE.json` states")
+        format!("note: {id}: {hidden} more notes; `--report FILE.json` lists all")
     }));
     lines
 }
@@ -212,7 +214,7 @@ fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
         writeln!(out, "wrote {}", path.display())?;
     }
     if let Some(at) = report.resumed_at {
-        writeln!(out, "went on at {at:.2} s, where an earlier run was interrupted")?;
+        writeln!(out, "resumed at {at:.2} s, where an earlier run was interrupted")?;
     }
     let cached = report.nodes.iter().filter(|n| n.cached).count();
     if cached > 0 {

@@ -60,7 +60,7 @@ fn rows(graph: &Graph, report: Option<&Report>, columns: &[Column]) -> Result<Ro
         for (k, column) in columns.iter().enumerate() {
             let Some(part) = part(id, &column.node) else { continue };
             let Some(found) = entry(graph, report, n, &column.field) else {
-                let more = if report.is_none() { "; `--run` adds what a run reports" } else { "" };
+                let more = if report.is_none() { "; `--run` adds the figures of a run" } else { "" };
                 let Column { field, .. } = column;
                 let kind = graph.nodes[n].ty.name;
                 return Err(format!(

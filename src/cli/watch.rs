@@ -89,7 +89,7 @@ pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
 pub(super) fn no_events(watcher: &mut FileWatcher) {
     if let Some(message) = watcher.take_warning() {
         let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F092", message) };
-        let help = "files are looked at once a second instead; --poll SECONDS sets how often";
+        let help = "files are compared once a second instead; --poll SECONDS sets how often";
         show(&[warning.help(help)], &Sources::default());
     }
 }

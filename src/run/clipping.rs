@@ -69,8 +69,8 @@ fn too_soft(graph: &Graph, sink: usize, peak: f64) -> Option<String> {
     }
     let raise = level_parameter(graph, sink, PEAK_DB - level);
     let raise =
-        raise.map(|raise| format!(": {raise}, or look for the node that loses it")).unwrap_or_default();
-    Some(format!("its peak is {level:.1} dB of full scale, of which hardly anything is heard{raise}"))
+        raise.map(|raise| format!(": {raise}, or find the node that attenuates it")).unwrap_or_default();
+    Some(format!("its peak is {level:.1} dB of full scale, which is barely audible{raise}"))
 }
 
 /// The nearest parameter before a node that sets the level, with its new value.

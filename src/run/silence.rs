@@ -210,11 +210,11 @@ impl<'a> Search<'a> {
         let mut names: Vec<&str> = heard.iter().map(|(name, _)| *name).collect();
         names.dedup();
         let read = match &names[..] {
-            [] => "it gives nothing".to_owned(),
-            names => format!("nothing comes of what arrives at `{}`", names.join("`, `")),
+            [] => "it outputs nothing".to_owned(),
+            names => format!("it outputs nothing from its input at `{}`", names.join("`, `")),
         };
         if self.period == Period::Stretch {
-            return if names.is_empty() { "it gives nothing in this time".to_owned() } else { read };
+            return if names.is_empty() { "it outputs nothing in this time".to_owned() } else { read };
         }
         let figures = self.reports[n].summary.iter().filter(|(_, value)| value.is_number());
         let figures: Vec<String> = figures.map(|(key, value)| format!("{key} {value}")).collect();

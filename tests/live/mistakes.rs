@@ -95,7 +95,7 @@ fn messages_that_reach_nothing_are_named_once_and_counted() {
     }
     let line = "messages: 3 delivered; 12 malformed, 6 for no node, 3 of the wrong kind";
     assert!(outcome.out.contains(line), "{}", outcome.out);
-    assert!(outcome.out.contains("nothing was heard"), "{}", outcome.out);
+    assert!(outcome.out.contains("the sound was silent"), "{}", outcome.out);
     let counts = &outcome.report["messages"];
     let found = ["delivered", "malformed", "unclaimed", "wrong_kind", "not_set"]
         .map(|key| counts[key].as_u64().unwrap());

@@ -221,7 +221,7 @@ impl Outcome {
 
     /// Number of gaps that standard error reports.
     fn gaps_reported(&self) -> usize {
-        self.stderr.matches("nothing has come from the nodes").count()
+        self.stderr.matches("the nodes ahead of the callback have delivered nothing").count()
     }
 
     /// Median of the memory between two parts of the time, MB.

@@ -41,8 +41,8 @@ pub(super) fn listen(
         match listening {
             Ok(listening) => {
                 if !listening.at.ip().is_loopback() {
-                    let message = format!("{what} at {} can be sent from other machines", listening.at);
-                    let help = "whoever reaches the port can play and set parameters; a port number alone is of this machine";
+                    let message = format!("{what} at {} is accepted from other machines", listening.at);
+                    let help = "anyone who reaches the port can play and set parameters; a port number without an address accepts this machine only";
                     warn(Diagnostic::general("F056", message).help(help));
                 }
                 all.push((what, listening));

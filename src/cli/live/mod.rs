@@ -143,7 +143,7 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
     if let Some(wanted) = settings.device.rate
         && callback.rate().as_f64() != f64::from(wanted)
     {
-        let message = format!("the graph plays at {}, --rate asks for {wanted} Hz", callback.rate());
+        let message = format!("the graph plays at {}, but --rate is {wanted} Hz", callback.rate());
         let found = Diagnostic::general("F045", message);
         show(&[found.help(format!("put Resample(rate: {wanted}) before the WavOut"))], &sources);
         return Ok(Exit::Wrong);

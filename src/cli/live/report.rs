@@ -172,7 +172,7 @@ impl Session<'_> {
             ))?;
             let (peak, over) = (meter.loudest(), meter.over.load(Relaxed));
             match over {
-                _ if peak == 0.0 => print_line("nothing was heard")?,
+                _ if peak == 0.0 => print_line("the sound was silent")?,
                 0 => print_line(&format!("peak {:.1} dB of full scale", linear_to_db(peak.into())))?,
                 over => {
                     let advice = self.advice();

@@ -163,7 +163,7 @@ impl Session<'_> {
                     break;
                 }
                 if !self.settings.quiet {
-                    print_line("the piece is over; the next save begins it again")?;
+                    print_line("the piece has ended; the next save restarts it")?;
                 }
             }
             if exit == Exit::Failed && self.watcher.is_none() {
@@ -197,7 +197,7 @@ impl Session<'_> {
             self.messages.iter().filter(|set| !lost.contains(&set.target)).cloned().collect();
         if !lost.is_empty() && self.load(&texts, remaining.clone(), at).0.is_ok() {
             print_message(format_args!(
-                "what messages set no longer fits, and is dropped: {}",
+                "values set by messages no longer fit the graph, and are dropped: {}",
                 lost.join(", ")
             ));
             (self.wrong, self.texts, self.messages) = (None, texts, remaining);
@@ -230,7 +230,7 @@ impl Session<'_> {
             let shown: Vec<_> = errors.iter().take(self.errors.allow(errors.len())).cloned().collect();
             if !shown.is_empty() {
                 show(&shown, &sources);
-                print_message("the graph plays on as it was");
+                print_message("the graph continues unchanged");
             }
         }
         // What came in the meantime is newer.
@@ -348,7 +348,7 @@ impl Session<'_> {
             show(&wrong.errors, &wrong.sources);
             match self.watcher {
                 Some(_) => print_message("the graph that plays is the older one; waiting for the next save"),
-                None => print_message("the graph plays on as it was"),
+                None => print_message("the graph continues unchanged"),
             }
         }
     }
@@ -362,8 +362,8 @@ impl Session<'_> {
             self.starved = false;
         } else if missed > LONG_GAP && !std::mem::replace(&mut self.starved, true) {
             print_message(format_args!(
-                "nothing has come from the nodes ahead of the callback for {LONG_GAP} s: they take longer than their sound; \
-                 what depends on them is silent until they have caught up"
+                "the nodes ahead of the callback have delivered nothing for {LONG_GAP} s: they are slower than real time, and \
+                 the nodes that depend on them are silent until they catch up"
             ));
         }
     }
@@ -375,10 +375,7 @@ impl Session<'_> {
         let (ceiling, what) = if card { (1.0, "full scale") } else { (CEILING, "120 dB over full scale") };
         if !self.cut && (meter.loudest() > ceiling || meter.cut.load(Relaxed) > 0) {
             (self.cut, self.loud) = (true, self.loud.or_else(|| Some(Instant::now())));
-            print_message(format_args!(
-                "the sound is louder than {what}, and is cut there: {}",
-                self.advice()
-            ));
+            print_message(format_args!("the sound exceeds {what} and is clipped there: {}", self.advice()));
         } else if self.loud.is_none() && meter.loudest() > 1.0 {
             self.loud = Some(Instant::now());
         } else if !self.cut && !self.exceeded && self.loud.is_some_and(|at| at.elapsed() >= SETTLE_LEVEL) {
@@ -438,7 +435,7 @@ impl Session<'_> {
         if self.device.as_ref().is_some_and(Running::is_lost)
             && let Some(Ok(Some(callback))) = self.device.take().map(Running::stop)
         {
-            print_message("the device is gone; the piece continues silently until it is back");
+            print_message("the device is disconnected; the piece continues silently until it is back");
             self.device = device::start(&Device::Null, callback).ok();
             self.lost = Some(Instant::now());
         }

@@ -101,7 +101,7 @@ impl<R: Read> Bytes<'_, R> {
             if self.activity.close.load(Relaxed) {
                 let s = SILENCE.as_secs();
                 return malformed(format!(
-                    "it has sent nothing for {s} s, and another sender wants its place"
+                    "it has sent nothing for {s} s, and another sender needs its connection"
                 ));
             }
             match self.from.read(&mut into[read..]) {
@@ -223,7 +223,7 @@ fn deliver_frames<R: Read>(bytes: &mut Bytes<'_, R>, hub: &Hub) -> Result<(), Re
         }
         if time <= before {
             return malformed(format!(
-                "frame {frame} is at {time} s, the one before at {before} s; times have to grow"
+                "frame {frame} is at {time} s, the one before at {before} s; times must increase"
             ));
         }
         before = time;
@@ -264,7 +264,7 @@ fn wait_until_due(at: Tick, frame: u64, hub: &Hub, stop: &AtomicBool) -> Result<
         let early = seconds(at.saturating_sub(now.tick));
         if early > MAX_AHEAD {
             return malformed(format!(
-                "frame {frame} is {early:.1} s ahead of the graph; times have to be seconds, and at most {MAX_AHEAD} s ahead"
+                "frame {frame} is {early:.1} s ahead of the graph; times must be in seconds, and at most {MAX_AHEAD} s ahead"
             ));
         }
         if early <= MARGIN {

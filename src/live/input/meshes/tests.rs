@@ -78,9 +78,9 @@ fn errors_name_the_expected_form() {
         (after(&frame(f64::NAN, 1.0)), "frame 0 is at NaN s; a finite time"),
         (
             after(&[frame(2.0, 1.0), frame(1.0, 1.0)].concat()),
-            "frame 1 is at 1 s, the one before at 2 s; times have to grow",
+            "frame 1 is at 1 s, the one before at 2 s; times must increase",
         ),
-        (after(&[frame(2.0, 1.0), frame(2.0, 1.0)].concat()), "times have to grow"),
+        (after(&[frame(2.0, 1.0), frame(2.0, 1.0)].concat()), "times must increase"),
         (after(&frame(0.0, f32::NAN)), "vertex 0 of frame 0 is at [NaN, NaN, NaN]; positions must be finite"),
         (after(&[frame(0.0, 1.0), frame(1.0, 1.1e9)].concat()), "vertex 0 of frame 1"),
         (after(&frame(0.0, f32::NEG_INFINITY)), "within 1e9"),
