@@ -97,7 +97,7 @@ pub fn read_manifest<E: ManifestEntry>(bytes: &[u8]) -> Result<Vec<E>, String> {
         }
         if let Some(before) = lines.get(&path) {
             return Err(format!(
-                "line {line}, column `file`: {:?} stands in line {before} already; each recording is listed once",
+                "line {line}, column `file`: {:?} is already listed in line {before}; each recording is listed once",
                 excerpt(&path)
             ));
         }

@@ -148,7 +148,7 @@ impl Node for LikenessReport {
         }
         if s.linked(LikenessReportPorts::picks) && !s.linked(LikenessReportPorts::database) {
             let reject =
-                Reject::new("F101", "`picks` has no database, which tells units that follow each other");
+                Reject::new("F101", "`picks` needs a database, to find the units that follow each other");
             return Err(reject.at("picks").help("link the `database` of the units"));
         }
         RECORDINGS.check(s, &p.recordings);

@@ -192,7 +192,7 @@ impl Likeness {
         line(
             "repeats",
             format!(
-                "{} of its active frames stood in the {} s before (recordings {}); tones {} ({})",
+                "{} of its active frames repeat part of the {} s before (recordings {}); tones {} ({})",
                 percent(r.share),
                 r.window_s,
                 percent(r.recordings_share),

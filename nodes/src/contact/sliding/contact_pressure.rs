@@ -143,7 +143,7 @@ impl Node for ContactPressure {
         let mean = self.sum / self.count.max(1) as f64;
         let mut summary: Summary = vec![("mean_pressure", mean.into())];
         if self.count == 0 {
-            let text = "nothing touches nearer than `radius`, and friction by these pressures is silent: is it `radius` of ContactDetector?";
+            let text = "no contact is nearer than `radius`, so friction by these pressures is silent: set it to `radius` of ContactDetector";
             summary.push(("warning", text.into()));
         }
         Ok(summary)

@@ -418,8 +418,7 @@ fn outgrown(nodes: &[StageNode], buffer: usize, bytes: usize) -> StageFault {
     };
     let reads = |n: &StageNode| n.inputs.iter().flatten().any(of);
     let place = nodes.iter().position(writes).or_else(|| nodes.iter().position(reads));
-    let message =
-        format!("a buffer of events has grown to {bytes} bytes, and the memory limit leaves no more for it");
+    let message = format!("an event buffer has grown to {bytes} bytes, and the memory limit allows no more");
     (
         place.unwrap_or(0),
         Fault::new("F050", message).help("allow more with --memory, or use a shorter --window"),

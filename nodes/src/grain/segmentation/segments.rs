@@ -76,7 +76,7 @@ pub(in crate::grain) fn check_lengths(shortest: f64, longest: f64) -> Result<(),
         return Ok(());
     }
     let message = format!("`longest` is {longest} s, less than twice `shortest`, which is {shortest} s");
-    let help = "what is too long is cut into two that are not too short";
+    let help = "segments longer than `longest` are cut into two, neither shorter than `shortest`";
     Err(Reject::new("F150", message).at("longest").help(help))
 }
 

@@ -172,7 +172,7 @@ impl DampingModel {
                         return Err(range(
                             "knots",
                             knot,
-                            &format!("each has to be above the one before, {last} rad^2/s^2"),
+                            &format!("each must be above the one before, {last} rad^2/s^2"),
                         ));
                     }
                     last = knot;
@@ -239,7 +239,7 @@ mod tests {
             (DampingModel::Caughey { a: vec![0.0; 7] }, "`a` holds 7 numbers; 1 to 6"),
             (
                 DampingModel::Spline { knots: vec![1.0; 4], rises: vec![0.0; 6] },
-                "`knots` is 1; each has to be above",
+                "`knots` is 1; each must be above",
             ),
             (DampingModel::Spline { knots: vec![1.0, 2.0, 3.0, 4.0], rises: vec![] }, "6 are needed"),
         ] {

@@ -200,7 +200,7 @@ impl Fit {
 /// Sterling et al. (IEEE TVCG 25(5), 2019), section 4.4, for the likelihood.
 pub fn fit(points: &[DampingPoint], options: &FitOptions) -> Result<Fit, EstimationError> {
     if matches!(options.excess, Excess::Gamma(_)) && options.truncated_below.is_some() {
-        return Err(EstimationError::Option("a gamma excess cannot be truncated: leave out one of both"));
+        return Err(EstimationError::Option("a gamma excess cannot be truncated: leave out one of the two"));
     }
     let sample = options.sample(points)?;
     let floor = options.floor_of(&sample);

@@ -56,7 +56,7 @@ pub enum EstimationError {
     },
     /// Frequencies that do not determine the curve.
     #[error(
-        "the points have {distinct} distinct frequencies; {needed} are needed to tell the parameters apart"
+        "the points have {distinct} distinct frequencies; {needed} are needed to determine the parameters"
     )]
     RankDeficient {
         /// Number of distinct frequencies.

@@ -86,7 +86,7 @@ impl fmt::Display for FitWarning {
             }
             Self::SupportConfounded { shape, sum } => write!(
                 f,
-                "the noise is {shape:.2} times the mean support damping: the constant part and the support are hard to tell apart, \
+                "the noise is {shape:.2} times the mean support damping: the constant part and the support can hardly be separated, \
                  but their sum is {sum:.4} 1/s"
             ),
             Self::NoLeverage { octaves } => write!(

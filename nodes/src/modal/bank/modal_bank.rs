@@ -308,9 +308,7 @@ impl Node for ModalBankNode {
                 Bank::culled(&modes, first.rate.as_f64(), p.output, p.cull).map_err(reject)?.dropped();
             if modes.frequencies.iter().all(|f| f * p.pitch < LOW) {
                 let n = modes.len();
-                s.note(format!(
-                    "all {n} modes lie below {LOW} Hz, where hardly anything is heard: raise `pitch`"
-                ));
+                s.note(format!("all {n} modes are below {LOW} Hz, which is hardly audible: raise `pitch`"));
             }
             if dropped > 0 {
                 let (n, rate) = (modes.len(), first.rate);

@@ -310,7 +310,7 @@ impl Func for ModalFeatures {
             ROOM.check_one(s, ROOM.name, path);
             if !p.room.is_empty() {
                 let reject = Reject::new("F077", "both `room` and `room_recording` are given").at("room");
-                s.wrong(reject.help("leave out one of both"));
+                s.wrong(reject.help("leave out one of the two"));
             }
         }
         if p.fit_domain == FitDomain::Power && p.extractor != Search::Greedy {

@@ -83,7 +83,7 @@ mod tests {
             ("file,object\na.wav\n", "line 2: 1 entries, the header has 2"),
             ("file,object\na.wav,x\n,y\n", "line 3, column `file`: \"\"; the path of a recording"),
             ("file\n/a.wav\n", "line 2, column `file`: \"/a.wav\"; a path relative to the list"),
-            ("file\na.wav\nb.wav\na.wav\n", "line 4, column `file`: \"a.wav\" stands in line 2 already"),
+            ("file\na.wav\nb.wav\na.wav\n", "line 4, column `file`: \"a.wav\" is already listed in line 2"),
             (&long, "line 2, column `hit`: \"xxx"),
         ] {
             let e = read_takes(text.as_bytes()).unwrap_err();

@@ -118,7 +118,7 @@ fn range_warning([low, high]: [f32; 2]) -> Option<String> {
     let range = 20.0 * (f64::from(high) / f64::from(low)).log10();
     (low > 0.0 && range > WIDE_RANGE).then(|| {
         format!(
-            "impulses are {low:.1e} to {high:.1e} N s, {range:.0} dB apart: the soft ones will not be heard; are all of them in N s?"
+            "impulses are {low:.1e} to {high:.1e} N s, {range:.0} dB apart: the soft ones are inaudible; are all of them in N s?"
         )
     })
 }

@@ -178,7 +178,7 @@ impl Jitter {
         let share = self.change / self.force;
         (self.frames >= FEW_FRAMES && share > JUMPS).then(|| {
             format!(
-                "the force of contacts changes by {:.0} % of its mean from frame to frame: means over `force_smooth`, {smooth:.4} s, are heard; a longer one smooths more",
+                "the force of contacts changes by {:.0} % of its mean from frame to frame: means over `force_smooth`, {smooth:.4} s, are audible; a longer one smooths more",
                 100.0 * share
             )
         })

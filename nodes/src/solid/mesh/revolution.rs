@@ -39,9 +39,7 @@ pub enum RevolutionError {
         points: usize,
     },
     /// A radius that is not above 0.
-    #[error(
-        "point {point} of the profile has radius {found} m; it has to be above 0, or 0 at the first point"
-    )]
+    #[error("point {point} of the profile has radius {found} m; it must be above 0, or 0 at the first point")]
     Radius {
         /// Number of the point, from 0.
         point: usize,

@@ -81,7 +81,7 @@ pub enum TetMeshError {
     },
     /// A curved element that is folded.
     #[error(
-        "the curved tetrahedron {tet} is folded: its Jacobian is {ratio:.3} times that of straight edges at a point, where it has to be above 0: \
+        "the curved tetrahedron {tet} is folded: its Jacobian is {ratio:.3} times that of straight edges at a point, but must be above 0: \
          move the nodes in the middle of its edges, or refine the mesh there"
     )]
     Folded {

@@ -88,7 +88,7 @@ pub enum QueryError {
         end: f64,
     },
     /// It does not move.
-    #[error("the motion from {from} s to {to} s is flat: nothing can be said to be similar to it")]
+    #[error("the motion from {from} s to {to} s is constant: no similarity to it is defined")]
     Flat {
         /// Its start.
         from: f64,

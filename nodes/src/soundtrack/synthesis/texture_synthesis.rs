@@ -187,8 +187,10 @@ impl Node for TextureSynthesis {
     fn shape(p: &TextureSynthesisParams, s: &mut Shape<'_, '_, TextureSynthesisPorts>) -> Result<(), Reject> {
         if let Some(weights) = s.optional(TextureSynthesisPorts::weights) {
             if !s.linked(TextureSynthesisPorts::score) {
-                let reject =
-                    Reject::new("F156", "there are weights, and no score that states what they weigh");
+                let reject = Reject::new(
+                    "F156",
+                    "there are weights, but no score with the sounds to which they apply",
+                );
                 return Err(reject
                     .at("weights")
                     .help("link a score with sounds, with or without targets, to `score`"));

@@ -115,7 +115,7 @@ impl Func for WaveletTreeNode {
             let channels = with_channels(all, wanted);
             if let Some(what) = channels.first().and_then(|x| progression(x, p.rate.as_f64())) {
                 let text = format!(
-                    "{path:?}: {what} over the recording: a sound that progresses does not survive being put together anew"
+                    "{path:?}: {what} over the recording: a sound that progresses loses this order when it is resynthesised"
                 );
                 warnings.push(("warning", text.into()));
             }

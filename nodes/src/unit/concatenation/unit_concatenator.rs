@@ -210,7 +210,7 @@ impl Node for UnitConcatenator {
         ];
         if share > MAX_REPEATS {
             let text = format!(
-                "{:.0} % of the sound was played, in the same order, in the {MEMORY} s before, which is heard as a pattern: give more \
+                "{:.0} % of the sound was played, in the same order, in the {MEMORY} s before, which is audible as a pattern: give more \
                  recordings, set `loop_guard: {MEMORY}` of the selector, or lower the `switch_cost` of a global one",
                 100.0 * share
             );

@@ -41,7 +41,7 @@ impl UnitDatabase {
         let (conventions, fields) = bytes[MARK.len() + 4..head].split_at(32);
         if fields != blake3::hash(rest).as_bytes() {
             return Err(
-                "the unit database is damaged or was changed: what it holds has another hash; write it again"
+                "the unit database is damaged or was changed: its content has another hash; write it again"
                     .into(),
             );
         }

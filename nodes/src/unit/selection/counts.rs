@@ -53,8 +53,8 @@ impl Counts {
         ];
         if fallbacks > MAX_FALLBACK_SHARE {
             let text = format!(
-                "for {:.0} % of the units nothing in the database is within `d_max` {d_max}: add recordings of what is missing, \
-                 mark correspondences or others, or raise `d_max` (SelectionReport lists them)",
+                "{:.0} % of the units have no unit of the database within `d_max` {d_max}: add recordings of the missing sounds, mark \
+                 correspondences or change them, or raise `d_max` (SelectionReport lists these units)",
                 100.0 * fallbacks
             );
             summary.push(("warning", text.into()));

@@ -193,7 +193,8 @@ impl CorrespondenceDiagnostics {
 }
 
 fn not_finite(unit: crate::unit::NotFinite) -> Fault {
-    Fault::new("F111", format!("the warp leads unit {} of the target to no finite place", unit.0)).at("pairs")
+    Fault::new("F111", format!("the warp maps unit {} of the target to numbers that are not finite", unit.0))
+        .at("pairs")
 }
 
 impl Node for CorrespondenceDiagnostics {

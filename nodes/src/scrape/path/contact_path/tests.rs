@@ -288,6 +288,6 @@ fn contacts_that_are_not_heard_are_counted() {
     let kinds = vec![State::Static, State::Static, State::Unsteady];
     assert_eq!(
         silent(p, kinds).unwrap(),
-        "of 3 frames none is heard: 2 static, 1 unsteady (`unsteady` is 0)"
+        "none of 3 frames is audible: 2 static, 1 unsteady (`unsteady` is 0)"
     );
 }
