@@ -249,7 +249,7 @@ fn refused(own: &OwnFiles, template: Template, files: &[(String, Content)]) -> O
     for (k, (name, content)) in files.iter().enumerate() {
         let Content::Copy(path) = content else { continue };
         if !path.is_file() {
-            return Some(format!("{} is no file", path.display()));
+            return Some(format!("{} is not a file", path.display()));
         }
         if files[..k].iter().any(|(other, _)| other == name) {
             return Some(format!("two files would become {name}: give them different names"));

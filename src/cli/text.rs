@@ -26,14 +26,14 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
         match format(&text) {
             Ok(laid_out) if laid_out == text => {}
             Ok(_) if args.check => {
-                writeln!(stdout(), "{name} is not laid out")?;
+                writeln!(stdout(), "{name} is not formatted")?;
                 exit = Exit::Failed;
             }
             Ok(laid_out) => {
                 // A link stays a link.
                 let real = fs::canonicalize(path).with_context(|| name.clone())?;
                 write_whole(&real, &laid_out)?;
-                writeln!(stdout(), "laid out {name}")?;
+                writeln!(stdout(), "formatted {name}")?;
             }
             Err(errors) => {
                 show_syntax(&name, text, &errors);

@@ -149,7 +149,7 @@ fn of_own_layers(context: &Context<'_>, at: At<'_>, path: &Path) -> bool {
 fn node_page(context: &Context<'_>, at: At<'_>, path: &Path, file: &TextFile, id: &str) -> Option<String> {
     let node: NodeText<'_> = file.node(id)?;
     let Some(ty) = type_of(context.registry, &node) else {
-        return Some(format!("`{id}`: {}, which is no node type", node.ty.value));
+        return Some(format!("`{id}`: {}, which is not a node type", node.ty.value));
     };
     let mut out = format!("**{id}**: {}\n\n{}\n", ty.name, ty.summary());
     let own = of_own_layers(context, at, path);

@@ -13,7 +13,7 @@ fn peak(project: &Path, name: &str) -> f64 {
     let graph = format!("{name}.ron");
     let checked = foley(project, &["check", &graph]);
     assert!(checked.status.success(), "{name}: {}", String::from_utf8_lossy(&checked.stderr));
-    assert!(foley(project, &["fmt", "--check", &graph]).status.success(), "{name} is not laid out");
+    assert!(foley(project, &["fmt", "--check", &graph]).status.success(), "{name} is not formatted");
     let run = foley(project, &["run", &graph, "--report", "report.json"]);
     let text = String::from_utf8_lossy(&run.stdout).into_owned();
     assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
@@ -137,7 +137,7 @@ fn wrong_files_leave_no_project() {
     let dir = tempfile::tempdir().unwrap();
     let image = asset("images/tiles.png");
     for (args, text) in [
-        (&["--mesh", "nothing.abc"][..], "nothing.abc is no file"),
+        (&["--mesh", "nothing.abc"][..], "nothing.abc is not a file"),
         (&["--template", "impact", "--image", &image], "`impact` has no use for --image"),
         (&["--image", &image, "--recordings", &image], "no template uses all of these files"),
         (&["--mesh", &image], "these files do not make a project"),

@@ -35,7 +35,7 @@ pub fn read_manifest<E: ManifestEntry>(bytes: &[u8]) -> Result<Vec<E>, String> {
     let bytes = strip_bom(bytes);
     let text = std::str::from_utf8(bytes).map_err(|e| {
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count();
-        format!("line {line}: bytes that are no UTF-8; save the list as CSV in UTF-8")
+        format!("line {line}: bytes that are not UTF-8; save the list as CSV in UTF-8")
     })?;
     let mut csv = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)

@@ -141,7 +141,7 @@ fn trigger(object: &Map<String, Value>) -> Result<Trigger, String> {
             return Err(format!("`{key}` is {value}; {needed} is needed"));
         }
     }
-    Trigger::from_numbers(&numbers).ok_or_else(|| "this is no trigger".to_owned())
+    Trigger::from_numbers(&numbers).ok_or_else(|| "this is not a trigger".to_owned())
 }
 
 /// Delivers one contact, or all contacts of a frame.

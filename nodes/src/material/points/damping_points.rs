@@ -115,7 +115,7 @@ pub fn read_points(bytes: &[u8]) -> Result<DampingPoints, String> {
     let bytes = strip_bom(bytes);
     let json = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
     let points = if json {
-        serde_json::from_slice(bytes).map_err(|e| format!("these are no points: {e}"))?
+        serde_json::from_slice(bytes).map_err(|e| format!("these are not points: {e}"))?
     } else {
         from_csv(bytes)?
     };

@@ -89,6 +89,6 @@ mod tests {
             let e = read_takes(text.as_bytes()).unwrap_err();
             assert!(e.contains(part), "{text:?}: {e}");
         }
-        assert!(read_takes(b"file\na.wav\n\xff\n").unwrap_err().contains("line 3: bytes that are no UTF-8"));
+        assert!(read_takes(b"file\na.wav\n\xff\n").unwrap_err().contains("line 3: bytes that are not UTF-8"));
     }
 }

@@ -221,7 +221,7 @@ impl ModalModel {
     /// # Errors
     /// Other files, other versions, damaged fields.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        let rest = bytes.strip_prefix(MARK).ok_or("this is no modal model")?;
+        let rest = bytes.strip_prefix(MARK).ok_or("this is not a modal model")?;
         let Some((version, rest)) = rest.split_first_chunk::<4>() else {
             return Err("this modal model is too short".into());
         };

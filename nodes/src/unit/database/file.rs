@@ -27,10 +27,10 @@ impl UnitDatabase {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         let head = MARK.len() + 4 + 2 * 32;
         let (Some(signature), Some(rest)) = (bytes.get(..MARK.len()), bytes.get(head..)) else {
-            return Err("this is no unit database: it is too short".into());
+            return Err("this is not a unit database: it is too short".into());
         };
         if signature != MARK {
-            return Err("this is no unit database".into());
+            return Err("this is not a unit database".into());
         }
         let mut version = [0; 4];
         version.copy_from_slice(&bytes[MARK.len()..MARK.len() + 4]);
