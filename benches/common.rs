@@ -56,7 +56,7 @@ pub fn run_by(
     (start.elapsed().as_secs_f64(), report)
 }
 
-/// Calls `time` with a function that runs the next window of a graph, of so many samples at 48 kHz, on one thread, and with its number of nodes.
+/// Calls `time` with a function that runs the next window of a graph, of `samples` samples at 48 kHz, on one thread, and with its number of nodes.
 pub fn with_windows<T>(graph: &Graph, samples: i64, time: impl FnOnce(&mut dyn FnMut(), usize) -> T) -> T {
     let files = DirFiles::new(Root::default(), Limits::default());
     let options = PlanOptions {
@@ -98,7 +98,7 @@ pub fn live_graph(path: &Path, options: &LoadOptions) -> LiveGraph {
     LiveGraph { seed: graph.seed, graph, files, memo: None, inputs: Arc::new(NoInputs) }
 }
 
-/// What a graph took while it played on a clock without a card.
+/// A graph that played on a clock without a card, and its times.
 pub struct Played {
     player: Player,
     /// Times of the nodes before the clock began.
@@ -112,7 +112,7 @@ pub struct Played {
     late: u64,
 }
 
-/// Plays a graph for a time, in windows of so many samples at a rate.
+/// Plays a graph for a time, in windows of `quantum` samples at a rate.
 pub fn play(graph: LiveGraph, quantum: usize, rate: u32, seconds: f64) -> Played {
     let options = Options { quantum, metered: true, ..Options::default() };
     let (mut player, callback) = Player::start(graph, options).unwrap_or_else(|e| panic!("{e:?}"));
@@ -152,7 +152,7 @@ impl Played {
         nodes
     }
 
-    /// Prints the processor time and what was late.
+    /// Prints the processor time and the late windows.
     pub fn print(&self) {
         let meter = &self.player.shared().meter;
         println!("  process  {:>6.1} % of a core, by the system", 100.0 * self.used / self.seconds);

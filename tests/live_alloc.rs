@@ -109,7 +109,7 @@ struct Stand {
     /// Calls of the allocator in the callback.
     calls: u64,
     blocks: u64,
-    /// Nodes of which the player has said why they give nothing.
+    /// Nodes whose reason for giving nothing the player has reported.
     silent: Vec<String>,
 }
 

@@ -1,7 +1,7 @@
 //! Item 4: Maximum likelihood of Rayleigh damping with exponentially modified Gaussian residuals: 752 points, four parameters.
 //!
 //! The others start a local optimiser at one point; foley scans all shapes, and so finds the global optimum. Its variable is `c = 2 d`, and
-//! `nll` is converted to that of `d`. It refuses a damping that is not positive, of which the distribution of the points has a few: they are
+//! `nll` is converted to that of `d`. It refuses a damping that is not positive, and the distribution of the points has a few: they are
 //! drawn again.
 
 use super::data::Rng;

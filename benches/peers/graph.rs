@@ -1,6 +1,6 @@
-//! Item 13: Nanoseconds per node and block of 64 samples: chains of 100 and 1000 nodes, and a fan of 1000.
+//! Item 13: Nanoseconds per node and block of 64 samples: chains of 100 and 1000 nodes, and a fan-out of 1000.
 //!
-//! A chain is a source and gains, a fan a source, 998 gains and their sum. The figure is the time of a window over all these nodes; nothing is
+//! A chain is a source and gains; a fan-out is a source, 998 gains and their sum. The figure is the time of a window over all these nodes; nothing is
 //! subtracted. The file at the end, without which nothing would run, is a region of its own, as in every run, and is not part of what is
 //! timed. `chain.100.gain` is the cost of one more gain, as the bench `engine` states it: the chain less its source alone, over the gains.
 
@@ -42,7 +42,7 @@ fn fan(gains: usize) -> Graph {
     graph(&text, "sum")
 }
 
-/// Times so many blocks of a graph, and prints the number of its nodes.
+/// Times a number of blocks of a graph, and prints the number of its nodes.
 fn times(item: Item, name: &str, graph: &Graph, blocks: usize) -> Times {
     crate::common::with_windows(graph, BLOCK, |step, nodes| {
         item.print(&format!("{name}.nodes"), nodes as f64, "nodes");

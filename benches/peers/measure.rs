@@ -94,7 +94,7 @@ impl Item {
         self.print_times(metric, unit, &Times::of(work), |seconds| scale * seconds);
     }
 
-    /// Times a work of so many units and prints units per second; `.min` is the rate in the least time.
+    /// Times a work of a number of units and prints units per second; `.min` is the rate in the least time.
     pub fn rate<T>(self, metric: &str, units: f64, unit: &str, work: impl FnMut() -> T) {
         self.print_times(metric, unit, &Times::of(work), |seconds| units / seconds);
     }

@@ -114,7 +114,7 @@ fn forms() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What changes the damping of an object while it sounds.
+/// Changes of the damping of an object while it sounds.
 #[derive(Clone, Copy, PartialEq)]
 enum Supports {
     /// Nothing.

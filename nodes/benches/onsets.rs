@@ -15,7 +15,7 @@ use std::process::Command;
 
 /// Greatest distance of an onset that is found from its label, s.
 const TOLERANCE: f64 = 0.025;
-/// Distance from the ends of a span below which what is found does not count, s.
+/// Distance from the ends of a span below which onsets do not count, s.
 const EDGE: f64 = 0.01;
 
 /// Spans and labels of a recording.

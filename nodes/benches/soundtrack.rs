@@ -200,7 +200,7 @@ fn differences(a: &[f64], b: &[f64], thirds: usize) -> [f64; 3] {
     [rms(&|k| k < thirds && k % 2 == 0), rms(&|k| k < thirds && k % 2 == 1), rms(&|k| k >= thirds)]
 }
 
-/// The share of segments of 0.25 s of which at least half is heard again within 2 s.
+/// The share of segments of 0.25 s at least half of which is heard again within 2 s.
 fn returns(leaves: &[u32], rate: f64) -> f64 {
     let frames = |seconds: f64| (seconds * rate / 2.0) as usize;
     let (segment, reach) = (frames(0.25), frames(2.0));
@@ -336,7 +336,7 @@ fn recordings() {
     );
 }
 
-/// When a change of a score is heard: the first sample that differs, and when the new sound is all that is heard.
+/// Times at which a change of a score is heard: the first sample that differs, and the first at which only the new sound is heard.
 fn reaction() {
     let rate = 32_000.0;
     for (wavelet, block) in [(Wavelet::Haar, 0.016), (Wavelet::Db2, 0.04), (Wavelet::Db5, 0.064)] {

@@ -78,7 +78,7 @@ pub mod soundtrack {
     };
 }
 
-/// Where sounds are heard: distance, pan, head and obstacles.
+/// Sound in space: distance, pan, head and obstacles.
 pub mod spatial {
     pub use crate::core::time::Rate;
     pub use crate::spatial::{Binaural, Distance, Head, Pinna, Pose, Poses, StaticSource, read_poses};

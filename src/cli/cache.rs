@@ -96,22 +96,24 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let memo = Memo::new(dir, u64::MAX, &args.graph.graph);
     // The streams that are cached are known after a run has cached them.
     let has = |n: &GraphNode| has_cacheable_values(&n.ty) || memo.index().get(&n.id).is_some();
-    let kept: Vec<&str> = graph.nodes.iter().filter(|n| has(n)).map(|n| n.id.as_str()).collect();
+    let cacheable: Vec<&str> = graph.nodes.iter().filter(|n| has(n)).map(|n| n.id.as_str()).collect();
     let Some(n) = graph.find(&args.node).filter(|&n| has(&graph.nodes[n])) else {
         let what = match graph.find(&args.node) {
-            Some(_) => "gives no value that is kept, and its streams have not been worth it",
-            None => "is no node",
+            Some(_) => {
+                "has no values that can be cached, and its streams were not expensive enough to be cached"
+            }
+            None => "is not a node of this graph",
         };
-        let list = if kept.is_empty() { "none".to_owned() } else { kept.join(", ") };
-        super::console::tell(format_args!(
-            "`{}` {what}; nodes of which something is cached: {list}",
+        let list = if cacheable.is_empty() { "none".to_owned() } else { cacheable.join(", ") };
+        super::console::print_message(format_args!(
+            "`{}` {what}; nodes with results that can be cached: {list}",
             args.node
         ));
         return Ok(Exit::Wrong);
     };
     let cache = RunCache::new(&memo, graph, &ready.plan, &ready.files, ready.seed);
     let Some((key, there)) = cache.status(n) else {
-        super::console::tell(format_args!(
+        super::console::print_message(format_args!(
             "`{}` does not run in this graph, or a file that it reads cannot be read",
             args.node
         ));
@@ -120,20 +122,20 @@ fn why(args: &WhyArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let mut out = super::console::stdout();
     let id = &args.node;
     if there {
-        writeln!(out, "{id}: kept; the next run does not compute it")?;
+        writeln!(out, "{id}: cached; the next run does not compute it")?;
     } else {
-        writeln!(out, "{id}: not kept; the next run computes it")?;
+        writeln!(out, "{id}: not cached; the next run computes it")?;
     }
     match memo.index().get(id) {
-        None => writeln!(out, "no earlier run of this graph has come to it")?,
+        None => writeln!(out, "no earlier run of this graph has computed it")?,
         Some(trace) if trace.last != key.parts => {
-            writeln!(out, "since the last run has changed:")?;
+            writeln!(out, "changes since the last run:")?;
             print_changes(&mut out, &trace.last, &key.parts)?;
         }
         Some(trace) => {
             writeln!(out, "nothing that it depends on has changed since the last run")?;
             if !trace.before.is_empty() {
-                writeln!(out, "what had changed when it last got another key:")?;
+                writeln!(out, "changes that led to its last computation:")?;
                 print_changes(&mut out, &trace.before, &trace.last)?;
             }
         }

@@ -1,4 +1,4 @@
-//! Standard output and standard error: what is written there is text, and the reader may have gone.
+//! Standard output and standard error: they receive text, and their reader may have ended.
 
 use crate::diag::plain;
 use std::fmt::Display;
@@ -29,31 +29,31 @@ pub fn stdout() -> PlainText<StdoutLock<'static>> {
 ///
 /// # Errors
 /// When the reader has gone.
-pub fn say(line: &str) -> io::Result<()> {
+pub fn print_line(line: &str) -> io::Result<()> {
     let mut out = stdout();
     writeln!(out, "{line}")?;
     out.flush()
 }
 
-/// Writes to standard error. That nobody reads it is no reason to end: failures are ignored.
+/// Writes to standard error. Failures are ignored: a closed standard error does not end the process.
 fn write_error(write: impl FnOnce(&mut StderrLock<'_>) -> io::Result<()>) {
     let _ = write(&mut io::stderr().lock());
 }
 
 /// Prints a message of the command on standard error.
-pub fn tell(message: impl Display) {
+pub fn print_message(message: impl Display) {
     write_error(|err| writeln!(err, "foley: {}", plain(&message.to_string())));
 }
 
-/// Prints a text on standard error whose control characters are wanted: colours, or a line that is written again.
-pub fn tell_styled(text: &str) {
+/// Prints a text on standard error with its control characters, for colours or a line that is written again.
+pub fn print_styled(text: &str) {
     write_error(|err| {
         err.write_all(text.as_bytes())?;
         err.flush()
     });
 }
 
-/// Messages of a kind of which anybody can cause any number: ten a second are shown, and the rest are counted.
+/// Messages of a kind that anybody can cause in any number: ten a second are shown, and the rest are counted.
 pub struct Throttle(Mutex<Shown>);
 
 /// The messages of the present second.
@@ -83,10 +83,10 @@ impl Throttle {
         allowed
     }
 
-    /// Prints a message as [`tell`] does, if it may be shown.
-    pub fn tell(&self, message: impl Display) {
+    /// Prints a message as [`print_message`] does, if it may be shown.
+    pub fn print_message(&self, message: impl Display) {
         if self.allow(1) == 1 {
-            tell(message);
+            print_message(message);
         }
     }
 
@@ -95,7 +95,7 @@ impl Throttle {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if state.since.elapsed() >= Duration::from_secs(1) {
             if state.left_out > 0 {
-                tell(format_args!("{} more", state.left_out));
+                print_message(format_args!("{} more", state.left_out));
             }
             *state = Shown { since: Instant::now(), shown: 0, left_out: 0 };
         }

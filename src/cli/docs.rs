@@ -44,14 +44,14 @@ fn print(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
     } else {
         format!("there are: {}", near.join(", "))
     };
-    super::console::tell(format_args!("the book has no page `{name}`; {help}"));
+    super::console::print_message(format_args!("the book has no page `{name}`; {help}"));
     Ok(Exit::Wrong)
 }
 
 fn generate(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
     let source = args.root.join("docs/src");
     if !source.join("SUMMARY.md").is_file() {
-        super::console::tell(format_args!(
+        super::console::print_message(format_args!(
             "there is no book: {} is missing",
             source.join("SUMMARY.md").display()
         ));

@@ -24,7 +24,7 @@ fn read(path: &Path) -> anyhow::Result<(Vec<f32>, Rate)> {
 /// Compares a sound with recordings, as text or as JSON.
 ///
 /// # Errors
-/// When a file cannot be read or written, or standard output is closed.
+/// If a file cannot be read or written, or standard output is closed.
 pub fn likeness(args: &LikenessArgs) -> anyhow::Result<Exit> {
     let (sound, rate) = read(&args.sound)?;
     let take = |path: &std::path::PathBuf| {

@@ -74,7 +74,7 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// The whole command with the nodes of a registry: parses the arguments of the process, runs them, and reports what failed.
+/// The whole command with the nodes of a registry: parses the arguments of the process, runs them, and reports errors.
 ///
 /// A program with nodes of its own is this call: see `examples/own_node`.
 #[must_use]
@@ -92,7 +92,7 @@ pub fn run(registry: Registry) -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(e) => {
-            console::tell(format_args!("{e:#}"));
+            console::print_message(format_args!("{e:#}"));
             ExitCode::FAILURE
         }
     }
@@ -101,7 +101,7 @@ pub fn run(registry: Registry) -> ExitCode {
 /// Runs the command.
 ///
 /// # Errors
-/// When something fails that no diagnostic describes, such as a closed standard output.
+/// If something fails that no diagnostic describes, such as a closed standard output.
 pub fn main(args: Args, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     match args.command {
         Command::Run(args) => run::run(&args, registry),

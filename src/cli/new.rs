@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::{NewArgs, OwnFiles, Template};
-use super::console::{stdout, tell};
+use super::console::{print_message, stdout};
 use super::run::{note_lines, show};
 use crate::session::Session;
 use anyhow::Context as _;
@@ -37,7 +37,7 @@ impl OwnFiles {
     }
 }
 
-/// A template with values in place of its marks; marks in the values stay as they are.
+/// A template with values in place of its placeholders; placeholders in the values remain unchanged.
 fn filled(template: &str, values: &[(&str, String)]) -> String {
     let (mut out, mut rest) = (String::new(), template);
     let next = |rest: &str| {
@@ -57,7 +57,7 @@ fn copied(folder: &str, path: &Path) -> String {
     format!("{folder}/{}", path.file_name().unwrap_or_default().to_string_lossy())
 }
 
-/// The recordings of a template: their names in the project, and what they contain.
+/// The recordings of a template: their names in the project, and their contents.
 fn recordings(template: Template) -> Vec<(String, Content)> {
     macro_rules! recordings {
         ($($name:literal),*) => {
@@ -77,7 +77,7 @@ fn recordings(template: Template) -> Vec<(String, Content)> {
     }
 }
 
-/// The node `mesh`: the shape of an object, of the user or that comes with the program.
+/// The node `mesh`: the shape of an object, from the user or built in.
 fn shape_node(mesh: Option<&Path>) -> String {
     let file = mesh.map_or_else(|| "bar.mesh".to_owned(), |path| copied("assets", path));
     let surface = has_extension(mesh, &["obj", "stl", "ply"]);
@@ -118,7 +118,7 @@ fn mesh_node(mesh: Option<&Path>, crumples: bool) -> String {
         return format!("        \"cloth\": MeshSequence(path: {file:?}),");
     }
     format!(
-        "        // This format does not say how many frames there are in a second: set what the animation has.\n        \
+        "        // This format does not store the frame rate: set that of the animation.\n        \
          \"cloth\": MeshSequence(path: {file:?}, fps: 30),"
     )
 }
@@ -240,7 +240,7 @@ pub fn template(name: &str) -> Vec<(String, String)> {
     project(name, Template::Wind, &OwnFiles::default()).into_iter().filter_map(text).collect()
 }
 
-/// What is wrong with the files of the user: none of them may be missing, and none may take the place of another.
+/// Reason for which the files of the user are refused: one is missing, or would replace another; `None` if all are right.
 fn refused(own: &OwnFiles, template: Template, files: &[(String, Content)]) -> Option<String> {
     if let [option, ..] = own.unused(template)[..] {
         let name = template.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
@@ -249,7 +249,7 @@ fn refused(own: &OwnFiles, template: Template, files: &[(String, Content)]) -> O
     for (k, (name, content)) in files.iter().enumerate() {
         let Content::Copy(path) = content else { continue };
         if !path.is_file() {
-            return Some(format!("{} is no file", path.display()));
+            return Some(format!("{} is not a file", path.display()));
         }
         if files[..k].iter().any(|(other, _)| other == name) {
             return Some(format!("two files would become {name}: give them different names"));
@@ -266,7 +266,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let dir = &args.dir;
     let shown = dir.display();
     if fs::read_dir(dir).is_ok_and(|mut entries| entries.next().is_some()) || dir.is_file() {
-        tell(format_args!("{shown} exists already and is not empty"));
+        print_message(format_args!("{shown} exists already and is not empty"));
         return Ok(Exit::Wrong);
     }
     let own = &args.own;
@@ -274,7 +274,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let order = [Template::Wind, Template::Cloth, Template::Texture, Template::Grains];
     let by_files = order.into_iter().find(|template| own.unused(*template).is_empty());
     let Some(template) = args.template.or(by_files) else {
-        tell(
+        print_message(
             "no template uses all of these files: leave some out, and link them in the graph, or choose with --template",
         );
         return Ok(Exit::Wrong);
@@ -286,7 +286,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let name = name.unwrap_or_else(|| "sound".into());
     let files = project(&name, template, own);
     if let Some(wrong) = refused(own, template, &files) {
-        tell(wrong);
+        print_message(wrong);
         return Ok(Exit::Wrong);
     }
     let existed = dir.is_dir();
@@ -301,7 +301,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     let found = Session::from_file(dir.join(format!("{name}.ron"))).check();
     if found.any_error() {
         show(&found.diagnostics, &found.sources);
-        tell("these files do not make a project; nothing was made");
+        print_message("these files do not make a project; nothing was made");
         let _ = fs::remove_dir_all(dir);
         if existed {
             let _ = fs::create_dir(dir);
@@ -312,7 +312,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<Exit> {
     if template == Template::Cloth && has_extension(own.mesh.as_deref(), &["pc2"]) {
         writeln!(
             stdout(),
-            "note: a PC2 does not say how many frames there are in a second: `fps: 30` is a guess, set it in {name}.ron"
+            "note: a PC2 file does not store its frame rate: `fps: 30` is a guess, set it in {name}.ron"
         )?;
     }
     let verb = if template == Template::Live { "live" } else { "run" };

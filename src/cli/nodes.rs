@@ -38,7 +38,7 @@ pub fn nodes(args: &NodesArgs, registry: &Registry) -> anyhow::Result<Exit> {
     if word.is_empty() || matching.is_empty() {
         let near = nearest(name, registry.types().iter().map(|t| t.name));
         let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-        super::console::tell(format_args!(
+        super::console::print_message(format_args!(
             "there is no node type {name}{hint}, and none whose family or summary has this word (`foley nodes` lists all)"
         ));
         return Ok(Exit::Wrong);

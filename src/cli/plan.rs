@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::PlanArgs;
-use super::console::{stdout, tell};
+use super::console::{print_message, stdout};
 use super::run::show;
 use crate::diag::Severity;
 use foley_nodes::registry::Registry;
@@ -23,7 +23,7 @@ pub fn plan(args: &PlanArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     if args.engine.until.is_none() && errors.peek().is_some() && errors.all(|d| d.code == "F048") {
         // A graph without end, as those that play live, has the same rates and latencies up to any end.
         preparation = session.with_until(Some(UNTIL)).prepare();
-        tell(format_args!(
+        print_message(format_args!(
             "the graph never ends: this is its plan for {UNTIL} s; --until SECONDS sets another end"
         ));
     }

@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::ProbeArgs;
-use super::console::{stdout, tell};
+use super::console::{print_message, stdout};
 use super::run::{note_lines, prepare, run_in_memory, show, write_whole};
 use crate::probe::{Probe, ProbeOptions};
 use crate::run::{ObserverTap, check_given, find_output};
@@ -20,14 +20,14 @@ fn full_name(session: &Session, output: &str) -> Option<String> {
     Some(format!("{}.{}", graph.nodes[node].id, graph.nodes[node].ty.outputs[port].name))
 }
 
-/// Runs what an output needs, and prints its figures.
+/// Runs the nodes that an output needs, and prints its figures.
 ///
 /// # Errors
-/// When the drawing cannot be written, or standard output is closed.
+/// If the drawing cannot be written, or standard output is closed.
 pub fn probe(args: &ProbeArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let to = args.to.map_or(Tick::MAX, ticks);
     if to <= ticks(args.from) {
-        tell("--to is not after --from");
+        print_message("--to is not after --from");
         return Ok(Exit::Wrong);
     }
     let memo = args.memo.memo(&args.graph.graph).map(Arc::new);
@@ -71,7 +71,7 @@ pub fn probe(args: &ProbeArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
         match tap.read(Probe::svg) {
             Some(svg) => write_whole(path, &svg)?,
             None => {
-                tell(format_args!("--svg: `{output}` has no drawing"));
+                print_message(format_args!("--svg: `{output}` has no drawing"));
                 return Ok(Exit::Wrong);
             }
         }

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 /// Prints diagnostics on standard error.
 pub fn show(diagnostics: &[Diagnostic], sources: &Sources) {
-    console::tell_styled(&render(diagnostics, sources, console::colours()));
+    console::print_styled(&render(diagnostics, sources, console::colours()));
 }
 
 /// Loads, checks and plans a graph; prints its errors.
@@ -38,7 +38,9 @@ pub(super) fn stop_on_signals(progress: &Arc<Progress>) {
         let Some(run) = current().clone() else { return };
         // The first signal waits for the current computation, so that no partial file remains; the second one does not.
         if run.stop.swap(true, Ordering::SeqCst) {
-            console::tell("stopped at once: what was begun may lie in the output folder as `.part`");
+            console::print_message(
+                "stopped at once: unfinished files may remain in the output folder as `.part`",
+            );
             std::process::exit(Exit::Again.code().into());
         }
     });
@@ -47,7 +49,7 @@ pub(super) fn stop_on_signals(progress: &Arc<Progress>) {
 /// Runs a graph.
 ///
 /// # Errors
-/// When the report cannot be written, which is checked before the run; only a full disk is found later.
+/// If the report cannot be written, which is checked before the run, except for a full disk.
 pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let mut memo = args.memo.memo(&args.graph.graph);
     // A trace has no state to save.
@@ -66,7 +68,7 @@ pub fn run(args: &RunArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     }
 }
 
-/// Prints the errors of a run, and tells a stopped one from a wrong one.
+/// Prints the errors of a run, and distinguishes a stopped run from a wrong one.
 fn failed(ready: &Prepared, errors: &[Diagnostic]) -> Exit {
     show(errors, &ready.graph.sources);
     if ready.progress.stop.load(Ordering::SeqCst) { Exit::Again } else { Exit::of(errors) }
@@ -82,7 +84,7 @@ pub(super) fn run_in_memory(ready: &Prepared, quiet: bool) -> Result<Report, Exi
     result.map_err(|errors| failed(ready, &errors))
 }
 
-/// Runs a graph and leaves its files in their places.
+/// Runs a graph and writes its files.
 ///
 /// # Errors
 /// As [`run::run`].
@@ -106,11 +108,11 @@ pub fn render_files(ready: &Prepared, args: &RunArgs) -> Result<Report, Vec<Diag
 /// Prints the results of a run, and writes the report.
 ///
 /// # Errors
-/// When standard output is gone, or the report cannot be written.
+/// If standard output is closed, or the report cannot be written.
 pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyhow::Result<()> {
     let writes = ready.graph.nodes.iter().any(|n| written(&n.ty, &*n.params).next().is_some());
     if report.outputs.is_empty() && ready.taps.is_empty() && !writes {
-        console::tell("the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
+        console::print_message("the graph writes nothing: add a WavOut, or give --tap NODE.PORT=FILE");
     }
     if !args.quiet {
         print_report(report, ready)?;
@@ -124,7 +126,7 @@ pub fn print_results(report: &Report, ready: &Prepared, args: &RunArgs) -> anyho
     Ok(())
 }
 
-/// Writes a file under a temporary name and moves it to its place.
+/// Writes a file under a temporary name and renames it.
 pub(super) fn write_whole(
     path: &std::path::Path,
     content: &(impl AsRef<[u8]> + ?Sized),
@@ -174,7 +176,7 @@ pub(super) fn note_lines<'a>(notes: impl Iterator<Item = &'a (String, String)>) 
     let more = counts.iter().filter(|(_, count)| *count > MAX_NOTES);
     lines.extend(more.map(|(id, count)| {
         let hidden = count - MAX_NOTES;
-        format!("note: {id}: {hidden} more notes, all of which `--report FILE.json` states")
+        format!("note: {id}: {hidden} more notes; `--report FILE.json` lists all")
     }));
     lines
 }
@@ -212,7 +214,7 @@ fn print_report(report: &Report, ready: &Prepared) -> std::io::Result<()> {
         writeln!(out, "wrote {}", path.display())?;
     }
     if let Some(at) = report.resumed_at {
-        writeln!(out, "went on at {at:.2} s, where an earlier run was interrupted")?;
+        writeln!(out, "resumed at {at:.2} s, where an earlier run was interrupted")?;
     }
     let cached = report.nodes.iter().filter(|n| n.cached).count();
     if cached > 0 {

@@ -37,10 +37,10 @@ pub fn schema(registry: &Registry) -> Value {
         "type": "object",
         "additionalProperties": false,
         "properties": {
-            "title": {"type": "string", "description": "What the graph is called."},
+            "title": {"type": "string", "description": "Title of the graph."},
             "seed": {"type": "integer", "minimum": 0, "default": 0, "description": "Seed of all randomness in the graph."},
             "extends": {"type": "string", "x-path": "input", "description": "The path of a graph that this one adds to and changes."},
-            "params": {"type": "object", "description": "Values that \"$name\" stands for; --set changes them."},
+            "params": {"type": "object", "description": "Values to which \"$name\" refers; --set changes them."},
             "use": {
                 "type": "object",
                 "description": "Sub-graphs by name; their nodes get ids such as \"name.node\".",

@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::{Column, TableArgs};
-use super::console::{stdout, tell};
+use super::console::{print_message, stdout};
 use super::run::{prepare, run_in_memory, show};
 use crate::graph::Graph;
 use crate::run::Report;
@@ -13,13 +13,13 @@ use std::io::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The part of the id of a node before what a column names: nothing for a node of the graph itself, `a.b` for one of its sub-graphs.
+/// The part of the id of a node before the name in a column: empty for a node of the graph itself, `a.b` for one of its sub-graphs.
 fn part<'a>(id: &'a str, node: &str) -> Option<&'a str> {
     let before = id.strip_suffix(node)?;
     if before.is_empty() { Some(before) } else { before.strip_suffix('.') }
 }
 
-/// The entry of a column for a node: a parameter, or what a run reports of it.
+/// The entry of a column for a node: a parameter, or a figure of its report.
 fn entry(graph: &Graph, report: Option<&Report>, n: usize, field: &str) -> Option<Cell> {
     let written = graph.nodes[n].params.write().into_iter().find(|(name, _)| *name == field);
     if let Some((_, datum)) = written {
@@ -39,7 +39,7 @@ fn entry(graph: &Graph, report: Option<&Report>, n: usize, field: &str) -> Optio
     })
 }
 
-/// What a node has, for a column that names something else.
+/// Names of the columns that a node has, for the message about an unknown one.
 fn known(graph: &Graph, report: Option<&Report>, n: usize) -> String {
     let params = graph.nodes[n].params.write().into_iter().map(|(name, _)| name.to_owned());
     let reported = report.and_then(|report| report.nodes.get(n));
@@ -60,7 +60,7 @@ fn rows(graph: &Graph, report: Option<&Report>, columns: &[Column]) -> Result<Ro
         for (k, column) in columns.iter().enumerate() {
             let Some(part) = part(id, &column.node) else { continue };
             let Some(found) = entry(graph, report, n, &column.field) else {
-                let more = if report.is_none() { "; `--run` adds what a run reports" } else { "" };
+                let more = if report.is_none() { "; `--run` adds the figures of a run" } else { "" };
                 let Column { field, .. } = column;
                 let kind = graph.nodes[n].ty.name;
                 return Err(format!(
@@ -78,7 +78,7 @@ fn rows(graph: &Graph, report: Option<&Report>, columns: &[Column]) -> Result<Ro
     Ok(rows)
 }
 
-/// Rows of a graph file, which is run if that is wanted; what is wrong with it has been printed.
+/// Rows of a graph file, which is run on request; its errors are printed.
 fn of_file(args: &TableArgs, path: &Path, registry: &Arc<Registry>) -> Result<Rows, Exit> {
     let session = args.session(path, registry);
     let found = if args.run {
@@ -91,12 +91,12 @@ fn of_file(args: &TableArgs, path: &Path, registry: &Arc<Registry>) -> Result<Ro
         rows(&loaded.graph.ok_or(Exit::Wrong)?, None, &args.columns)
     };
     found.map_err(|message| {
-        tell(format_args!("{}: {message}", path.display()));
+        print_message(format_args!("{}: {message}", path.display()));
         Exit::Wrong
     })
 }
 
-/// Tabulates parameters of nodes, and with `--run` what runs report of them, over graphs.
+/// Tabulates parameters of nodes, and with `--run` figures of their reports, over graphs.
 ///
 /// # Errors
 /// When standard output is closed.
@@ -117,7 +117,7 @@ pub fn table(args: &TableArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
     let is_missing = |k: &usize| table.rows.iter().all(|row| row.get(k + 2) == Some(&Cell::Empty));
     if let Some(k) = (0..names.len()).find(is_missing) {
         let node = &args.columns[k].node;
-        tell(format_args!(
+        print_message(format_args!(
             "--column {}: no graph has a node `{node}`; `foley graph` lists the nodes",
             names[k]
         ));

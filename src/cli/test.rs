@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::TestArgs;
-use super::console::{say, stdout, tell};
+use super::console::{print_line, print_message, stdout};
 use super::run::{show, write_whole};
 use crate::diag::{self, Diagnostic, Sources};
 use crate::lang::edit::{TextEdit, apply, set_field};
@@ -39,7 +39,7 @@ impl Tally {
         if args.json {
             self.errors.push(json!({ "case": name, "errors": diag::json(diagnostics, sources) }));
         } else {
-            tell(format_args!("{name} cannot be run"));
+            print_message(format_args!("{name} cannot be run"));
             show(diagnostics, sources);
         }
     }
@@ -78,7 +78,7 @@ fn test_files(given: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
 /// Runs the checks that are written beside graphs.
 ///
 /// # Errors
-/// When a file cannot be stored, a folder cannot be read, or standard output is closed.
+/// If a file cannot be stored, a folder cannot be read, or standard output is closed.
 pub fn test(args: &TestArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     let runner = Runner { options: args.load_options(registry), threads: args.threads };
     let files = test_files(&args.graphs)?;
@@ -108,9 +108,9 @@ pub fn test(args: &TestArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     if tally.wrong > 0 {
         parts.push(format!("{} could not be run", tally.wrong));
     }
-    say(&format!("{} in {} case(s) of {} file(s)", parts.join(", "), tally.cases, files.len()))?;
+    print_line(&format!("{} in {} case(s) of {} file(s)", parts.join(", "), tally.cases, files.len()))?;
     if tally.checks.is_empty() && tally.wrong == 0 {
-        tell(match &args.filter {
+        print_message(match &args.filter {
             Some(word) => format!("no check has {word:?} in its name"),
             None => "there are no test files".to_owned(),
         });
@@ -139,7 +139,7 @@ fn test_file(
             for expected in &case.outputs {
                 let labels = expected.checks.iter().map(crate::testing::Check::label);
                 for label in labels.filter(|label| wanted(&expected.output, label)) {
-                    say(&name(file, case, &expected.output, &label))?;
+                    print_line(&name(file, case, &expected.output, &label))?;
                 }
             }
             continue;
@@ -195,9 +195,9 @@ fn report(
     }
     let name = name(file, case, &result.output, &result.check);
     match (is_stored, verdict.passed) {
-        (true, _) => say(&format!("stored  {name}"))?,
-        (false, true) => say(&format!("ok      {name}: {}", verdict.found))?,
-        (false, false) => say(&format!(
+        (true, _) => print_line(&format!("stored  {name}"))?,
+        (false, true) => print_line(&format!("ok      {name}: {}", verdict.found))?,
+        (false, false) => print_line(&format!(
             "FAILED  {name}: found {}, expected {} ({}:{line}:{column})",
             verdict.found,
             verdict.expected,

@@ -26,14 +26,14 @@ pub fn fmt(args: &FmtArgs) -> anyhow::Result<Exit> {
         match format(&text) {
             Ok(laid_out) if laid_out == text => {}
             Ok(_) if args.check => {
-                writeln!(stdout(), "{name} is not laid out")?;
+                writeln!(stdout(), "{name} is not formatted")?;
                 exit = Exit::Failed;
             }
             Ok(laid_out) => {
                 // A link stays a link.
                 let real = fs::canonicalize(path).with_context(|| name.clone())?;
                 write_whole(&real, &laid_out)?;
-                writeln!(stdout(), "laid out {name}")?;
+                writeln!(stdout(), "formatted {name}")?;
             }
             Err(errors) => {
                 show_syntax(&name, text, &errors);
@@ -98,7 +98,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<Exit> {
         None => {
             let near = nearest(&wanted, codes::all().iter().map(|c| c.code));
             let hint = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-            super::console::tell(format_args!("there is no code {wanted}{hint}"));
+            super::console::print_message(format_args!("there is no code {wanted}{hint}"));
             Ok(Exit::Wrong)
         }
     }

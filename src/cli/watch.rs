@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::args::WatchArgs;
-use super::console::{say, tell};
+use super::console::{print_line, print_message};
 use super::run::{print_results, render_files, show};
 use crate::diag::{Diagnostic, Severity, Sources};
 use crate::graph::Graph;
@@ -32,14 +32,14 @@ enum Woken {
     /// The run has ended.
     Ran(Box<Ran>),
     /// The time is over.
-    Late,
+    TimedOut,
     /// The user wants to end.
     Stop,
 }
 
 /// Result of an attempt to run.
 enum Attempt {
-    /// To its end, good or bad.
+    /// Ran to its end, with or without success.
     Over,
     /// A newer save came.
     Changed(Instant),
@@ -89,7 +89,7 @@ pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit>
 pub(super) fn no_events(watcher: &mut FileWatcher) {
     if let Some(message) = watcher.take_warning() {
         let warning = Diagnostic { severity: Severity::Warning, ..Diagnostic::general("F092", message) };
-        let help = "files are looked at once a second instead; --poll SECONDS sets how often";
+        let help = "files are compared once a second instead; --poll SECONDS sets how often";
         show(&[warning.help(help)], &Sources::default());
     }
 }
@@ -110,13 +110,13 @@ impl Session<'_> {
             if std::mem::take(&mut first) && !self.args.run.quiet {
                 let files = self.watcher.files();
                 let plural = if files == 1 { "" } else { "s" };
-                say(&format!("watching {files} file{plural}; Ctrl-C ends"))?;
+                print_line(&format!("watching {files} file{plural}; Ctrl-C ends"))?;
             }
             at = loop {
                 match self.wait(None) {
                     Woken::Changed(at) => break at,
                     Woken::Stop => return Ok(Exit::Done),
-                    Woken::Ran(_) | Woken::Late => {}
+                    Woken::Ran(_) | Woken::TimedOut => {}
                 }
             };
         }
@@ -149,7 +149,7 @@ impl Session<'_> {
                 Woken::Ran(ran) => break *ran,
                 Woken::Changed(at) => newer = Some(newer.unwrap_or(at)),
                 Woken::Stop => stop = true,
-                Woken::Late => {}
+                Woken::TimedOut => {}
             }
         };
         // The run may have opened more than the plan did.
@@ -202,14 +202,14 @@ impl Session<'_> {
             if e.downcast_ref::<std::io::Error>().is_some() {
                 return Err(e);
             }
-            tell(format_args!("{e:#}"));
+            print_message(format_args!("{e:#}"));
         }
         if let Some((old, was)) = &self.good
             && !self.args.run.quiet
         {
             let changes = Changes::between((old, was), (&ready.graph, &contents));
             let (ms, economy) = (at.elapsed().as_millis(), economy(report));
-            say(&format!("reran in {ms} ms: {changes}, {economy}"))?;
+            print_line(&format!("reran in {ms} ms: {changes}, {economy}"))?;
         }
         self.wrong = false;
         if let Some(ready) = Arc::into_inner(ready) {
@@ -227,13 +227,13 @@ impl Session<'_> {
         match woken {
             Woken::Changed(at) => return Attempt::Changed(at),
             Woken::Stop => return Attempt::Stop,
-            Woken::Ran(_) | Woken::Late => {}
+            Woken::Ran(_) | Woken::TimedOut => {}
         }
         show(errors, sources);
         self.wrong = true;
         match self.good {
-            Some(_) => tell("the last good result stays; waiting for the next save"),
-            None => tell("there is no result yet; waiting for the next save"),
+            Some(_) => print_message("the last good result stays; waiting for the next save"),
+            None => print_message("there is no result yet; waiting for the next save"),
         }
         Attempt::Over
     }
@@ -248,7 +248,7 @@ impl Session<'_> {
             }
             let left = limit.map(|limit| limit.saturating_sub(start.elapsed()));
             if left.is_some_and(|left| left.is_zero()) {
-                return Woken::Late;
+                return Woken::TimedOut;
             }
             let rest = left.map_or(self.watcher.timeout(), |left| left.min(self.watcher.timeout()));
             select! {

@@ -1,4 +1,4 @@
-//! Corrections of a text: what would make a finding go away, as changes that an editor can make.
+//! Corrections of a text: changes that resolve a finding, which an editor can apply.
 
 use super::SourceLocation;
 use crate::lang::Parse;
@@ -9,7 +9,7 @@ use crate::lang::edit::{TextEdit, insert_entry_before, set_field};
 pub struct Fix {
     /// Its description, such as ``write `Gain` ``.
     pub title: String,
-    /// What changes in the text; all changes are in one file.
+    /// Changes of the text, all in one file.
     pub changes: Vec<Change>,
 }
 
@@ -49,7 +49,7 @@ impl Fix {
         self.changes.first().map(|change| change.location().file)
     }
 
-    /// The edits of the text of its file; `None` if the text does not have what the changes are about.
+    /// The edits of the text of its file; `None` if the text does not contain the parts to change.
     #[must_use]
     pub fn edits(&self, parse: &Parse) -> Option<Vec<TextEdit>> {
         let file = self.file();

@@ -54,7 +54,7 @@ pub struct Diagnostic {
     pub location: Option<SourceLocation>,
     /// The label of the location.
     pub note: String,
-    /// Further places.
+    /// Further locations.
     pub labels: Vec<Label>,
     /// The node that it is about.
     pub node: Option<String>,
@@ -67,19 +67,19 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// An error at a place.
+    /// An error at a location.
     #[must_use]
     pub fn error(code: &'static str, message: impl Into<String>, location: SourceLocation) -> Self {
         Self { location: Some(location), ..Self::general(code, message) }
     }
 
-    /// A warning at a place.
+    /// A warning at a location.
     #[must_use]
     pub fn warning(code: &'static str, message: impl Into<String>, location: SourceLocation) -> Self {
         Self { severity: Severity::Warning, ..Self::error(code, message, location) }
     }
 
-    /// An error without a place.
+    /// An error without a location.
     #[must_use]
     pub fn general(code: &'static str, message: impl Into<String>) -> Self {
         Self {
@@ -113,13 +113,13 @@ impl Diagnostic {
         diagnostic.fixes(fix)
     }
 
-    /// A node's rejection at the place of the field that it names.
+    /// A rejection by a node, at the location of the field that it names.
     #[must_use]
     pub fn of_reject(reject: Reject, location: SourceLocation, node: &str) -> Self {
         Self::of_fault(reject.into(), location, node)
     }
 
-    /// A node's fault at the place of the field that it names.
+    /// A node's fault at the location of the field that it names.
     #[must_use]
     pub fn of_fault(fault: Fault, location: SourceLocation, node: &str) -> Self {
         let message = match fault.time {
@@ -160,7 +160,7 @@ impl Diagnostic {
         self
     }
 
-    /// Adds a further place.
+    /// Adds a further location.
     #[must_use]
     pub fn label(mut self, location: SourceLocation, text: impl Into<String>) -> Self {
         self.labels.push(Label { location, text: text.into() });

@@ -19,7 +19,7 @@ const LONGEST_TITLE: usize = 2000;
 /// Maximum bytes of a line that is shown; of a longer line only the position is reported.
 const LONGEST_LINE: usize = 4000;
 
-/// Text for people: message, the lines in question, help; of very many the first hundred, errors before warnings.
+/// Readable text: message, the lines in question, help; at most a hundred diagnostics, errors before warnings.
 #[must_use]
 pub fn render(diagnostics: &[Diagnostic], sources: &Sources, colour: bool) -> String {
     let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
@@ -58,7 +58,7 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(picture).collect())
 }
 
-/// The lines of a diagnostic, so that the rest of a long file costs nothing: their bytes, and the first number.
+/// The lines of a diagnostic, so that the rest of a long file is not read: their bytes, and the first number.
 fn lines(text: &str, spans: &[Range<usize>]) -> (Range<usize>, usize) {
     let first = spans.iter().map(|s| s.start).min().unwrap_or(0);
     let last = spans.iter().map(|s| s.end).max().unwrap_or(0);
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_very_long_line_the_place_is_told() {
+    fn only_the_position_of_a_very_long_line_is_reported() {
         let mut sources = Sources::default();
         sources.add("a.ron", format!("first\nä{}", "x".repeat(200_000)));
         let at = |k: usize| SourceLocation { file: 0, span: 6 + k..7 + k };

@@ -22,7 +22,7 @@ const NOTE: &str = "<!-- Made from the code by `foley docs --write`. -->\n";
 /// Generated pages: paths below `docs/src`, and texts. `root` holds `docs` and `graphs`.
 ///
 /// # Errors
-/// When the summary of the book or an example graph cannot be read.
+/// If the summary of the book or an example graph cannot be read.
 pub fn pages(root: &Path, command: Command, registry: &Registry) -> io::Result<Vec<(String, String)>> {
     let examples = nodes::examples(root)?;
     let mut pages = vec![("reference/nodes.md".to_owned(), nodes::index(registry))];
@@ -113,7 +113,7 @@ fn cli(command: Command) -> String {
     out
 }
 
-/// The summary with its part `# Reference` made again; the other parts stay.
+/// The summary with a new part `# Reference`; the other parts are unchanged.
 fn with_reference(summary: &str, families: &[&str]) -> String {
     let mut part = String::from("# Reference\n\n- [Nodes](reference/nodes.md)\n");
     for family in families {

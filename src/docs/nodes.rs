@@ -122,7 +122,7 @@ fn param_row(out: &mut String, spec: &ParamSpec, live: bool) {
     if live {
         text.push_str(" Takes a link as well.");
     }
-    let default = spec.default.as_ref().map_or_else(|| "has to be given".into(), |d| format!("`{d}`"));
+    let default = spec.default.as_ref().map_or_else(|| "required".into(), |d| format!("`{d}`"));
     let _ = writeln!(out, "| `{}` | {} | {} | {} |", spec.name, cell(&takes), cell(&default), cell(&text));
 }
 

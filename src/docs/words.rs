@@ -30,7 +30,7 @@ pub fn param_words(spec: &ParamSpec) -> String {
         Some(default) => {
             let _ = write!(words, ", default {default}");
         }
-        None => words.push_str(", has to be given"),
+        None => words.push_str(", required"),
     }
     words
 }

@@ -1,4 +1,4 @@
-//! A graph as text: a line for each node, with what it reads and gives.
+//! A graph as text: a line for each node, with its inputs and outputs.
 
 use super::{Drawing, Wire};
 use std::fmt::Write as _;

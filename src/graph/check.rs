@@ -58,7 +58,7 @@ pub(super) fn check(mut loader: Loader) -> Loaded {
                 Ok(link) => link,
                 Err(diagnostic) => {
                     let value = (checked_node.ty.params)().into_iter().find(|param| param.name == spec.name);
-                    let value = value.and_then(|param| meant(&text.text, &param)).map(|(value, _)| value);
+                    let value = value.and_then(|param| interpret(&text.text, &param)).map(|(value, _)| value);
                     let fix = value.map(|value| fixes::write(&value, &text.location));
                     found.push(diagnostic.node(&raw[k].id).fixes(fix));
                     good[k] = false;
@@ -226,7 +226,7 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
                     FieldError::Missing(name) => {
                         let spec = specs.iter().find(|s| s.name == *name);
                         let kind = spec.map(|s| s.kind.to_string()).unwrap_or_default();
-                        let message = format!("parameter `{name}` ({kind}) has to be given");
+                        let message = format!("parameter `{name}` ({kind}) is required");
                         let fix = spec.map(|s| fixes::set_field(&node.body(), name, &placeholder(s)));
                         loader.found.push(error("F013", message, &node.location).fixes(fix));
                     }
@@ -385,7 +385,7 @@ fn item_locations(name: &str, list: &Value, file: usize, locations: &mut BTreeMa
     }
 }
 
-/// Files that do not exist, named by a node that cannot look for them itself since other fields of it are wrong.
+/// Files that do not exist, named by a node that cannot open them itself since other fields of it are wrong.
 fn missing_assets(
     specs: &[ParamSpec],
     data: &BTreeMap<&str, Datum>,
@@ -419,10 +419,10 @@ fn missing_assets(
 /// Bytes of a text that may begin with a number.
 const MAX_NUMBER: usize = 32;
 
-/// What a text stands for where a number, a rate or a choice is wanted: `"48 kHz"` for 48000.
+/// Interprets a text in place of a number, a rate or a choice: `"48 kHz"` is 48000.
 ///
 /// Returns the value, and the text that explains it.
-fn meant(text: &str, spec: &ParamSpec) -> Option<(String, String)> {
+fn interpret(text: &str, spec: &ParamSpec) -> Option<(String, String)> {
     let unit = match spec.kind.innermost() {
         ParamKind::Choice(choices) => {
             let (name, _) = choices.iter().find(|(name, _)| name.eq_ignore_ascii_case(text))?;
@@ -466,7 +466,7 @@ fn mismatched(
             let message = format!("`{name}` takes {expected}, found {found}");
             let error = Diagnostic::error("F014", message, location.clone());
             let text = found.strip_prefix('"').and_then(|text| text.strip_suffix('"'));
-            match text.zip(spec).and_then(|(text, spec)| meant(text, spec)) {
+            match text.zip(spec).and_then(|(text, spec)| interpret(text, spec)) {
                 Some((value, meant)) => error.help(meant).fixes([fixes::write(&value, &location)]),
                 None => error,
             }

@@ -1,4 +1,4 @@
-//! A node whose own fields are checked, and whose links are still text.
+//! A node whose own fields are checked, and whose links are texts.
 
 use crate::diag::SourceLocation;
 use foley_nodes::core::node::NodeType;
@@ -29,7 +29,7 @@ pub(super) struct CheckedNode {
 }
 
 impl CheckedNode {
-    /// Sets the links of an input. A link that stands for all items of an array has its place for each of them.
+    /// Sets the links of an input. A link to all items of an array has its location for each of them.
     pub fn set_links(&mut self, port: usize, links: Vec<RawLink>) {
         let spec = &self.ty.inputs[port];
         if spec.arity == Arity::Many {

@@ -16,7 +16,7 @@ const MAX_FILES: usize = 100_000;
 
 /// The files of a [`Root`], for nodes.
 ///
-/// A clone reads the same files and counts what it opens with the original.
+/// A clone reads the same files, and both count the files that it opens.
 #[derive(Clone, Debug, Default)]
 pub struct DirFiles {
     root: Root,

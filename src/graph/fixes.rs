@@ -1,4 +1,4 @@
-//! Corrections of what is wrong in a graph.
+//! Corrections of mistakes in a graph.
 
 use super::Graph;
 use super::suggest::nearest;
@@ -87,7 +87,7 @@ pub(super) struct Converter {
 }
 
 impl Converter {
-    /// The first node type that converts one kind to another: what it has to be given is this one input.
+    /// The first node type that converts one kind to another and requires only this one input.
     pub fn find(from: &PortKind, to: &PortKind, registry: &Registry) -> Option<Self> {
         registry.types().iter().find_map(|ty| {
             let mut needed = ty.inputs.iter().filter(|p| p.arity != Arity::Optional);

@@ -199,8 +199,7 @@ pub(super) fn link(
 fn unknown_node(raw: &RawLink, nodes: &[RawNode], by_id: &HashMap<&str, usize>) -> Diagnostic {
     let error = Diagnostic::error("F020", format!("there is no node `{}`", raw.text), raw.location.clone());
     if raw.text.contains('*') {
-        return error
-            .help("`*` stands for all items of an array of sub-graphs, in an input that takes a list");
+        return error.help("`*` means all items of an array of sub-graphs, in an input that takes a list");
     }
     let id = raw.text.split('.').next().unwrap_or_default();
     let first = |(k, n): &(usize, &RawNode)| by_id.get(n.id.as_str()) == Some(k);

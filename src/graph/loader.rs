@@ -35,7 +35,7 @@ pub struct Loaded {
     pub root: Root,
 }
 
-/// One file of a graph that extends others: each adds to those before, and replaces what they have.
+/// One file of a graph that extends others: each adds to those before, and replaces their entries.
 #[derive(Debug)]
 pub(super) struct Layer {
     /// The file.
@@ -73,7 +73,7 @@ pub(super) struct Loader {
     pub text_bytes: u64,
     /// Locations of the uses of the sub-graphs that are being read, the innermost last.
     pub used_at: Vec<SourceLocation>,
-    /// Number of uses of required parameters that nobody has given.
+    /// Number of uses of required parameters that are not set.
     pub missing: usize,
     /// Prefixes of the ids of unreadable sub-graphs.
     pub lost: Vec<String>,
@@ -167,7 +167,7 @@ impl Loader {
         }
     }
 
-    /// Parses one file, and checks what fields it has.
+    /// Parses one file, and checks its fields.
     fn layer(&mut self, name: &str, text: String, folder: PathBuf) -> Option<Layer> {
         let parsed = lang::parse(&text);
         let file = self.sources.add(name, text);
@@ -186,8 +186,7 @@ impl Loader {
                 );
             }
             None => {
-                let warning =
-                    Diagnostic::warning("F003", "the file does not say which schema it follows", at(0..0));
+                let warning = Diagnostic::warning("F003", "the file does not state its schema", at(0..0));
                 let line = format!("#![schema = {SCHEMA:?}]");
                 let fix = Fix::replace(format!("begin with {line}"), at(0..0), format!("{line}\n"));
                 self.found.push(warning.help(format!("begin with {line}")).fixes([fix]));

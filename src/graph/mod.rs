@@ -59,7 +59,7 @@ pub struct Graph {
     pub seed: u64,
     /// Nodes in the order of the text.
     pub nodes: Vec<GraphNode>,
-    /// Places of `nodes` in topological order; delayed links do not count.
+    /// Indices of `nodes` in topological order; delayed links do not count.
     pub order: Vec<usize>,
     /// Place of each node in `order`.
     pub rank: Vec<usize>,
@@ -127,7 +127,7 @@ impl Graph {
         self.order = order;
     }
 
-    /// The place of a node by its id.
+    /// The index of a node by its id.
     #[must_use]
     pub fn find(&self, id: &str) -> Option<usize> {
         self.nodes.iter().position(|n| n.id == id)

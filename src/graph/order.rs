@@ -119,7 +119,7 @@ fn loop_error(raw: &[RawNode], links: &[Vec<Vec<Link>>], path: &[usize]) -> Diag
         link(first, closing).map_or_else(|| raw[first].location.clone(), |l| l.location.clone()),
     )
     .node(&raw[first].id)
-    .help("a loop has to go through a Feedback node, which says how long it takes");
+    .help("a loop must contain a Feedback node, which sets its delay");
     for pair in path.windows(2) {
         if let Some(link) = link(pair[1], pair[0]) {
             let text = format!("`{}` needs `{}`", raw[pair[1]].id, raw[pair[0]].id);

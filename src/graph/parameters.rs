@@ -28,7 +28,7 @@ fn is_required(value: &Value) -> bool {
     }
 }
 
-/// What a required parameter is, in the words of its graph.
+/// Description of a required parameter, as the graph states it.
 fn required_words(value: &Value) -> Option<&str> {
     match &value.value {
         ValueKind::NamedTuple(_, items) => items.first()?.as_str(),
@@ -128,7 +128,7 @@ impl Loader {
         (params, node_sets)
     }
 
-    /// Reports the required parameters that nobody has given, at the use of the sub-graph.
+    /// Reports the required parameters that are not set, at the use of the sub-graph.
     fn required(&mut self, params: &BTreeMap<String, Given>, prefix: &str) {
         let missing: Vec<(&String, &Given)> =
             params.iter().filter(|(_, given)| is_required(&given.value)).collect();
@@ -141,14 +141,14 @@ impl Loader {
         let names = names.join(", ");
         let found = match self.used_at.last() {
             Some(location) => {
-                let message = format!("sub-graph `{}` has to be given {names}", prefix.trim_end_matches('.'));
+                let message = format!("sub-graph `{}` requires {names}", prefix.trim_end_matches('.'));
                 let found = Diagnostic::error("F032", message, location.clone());
                 found
                     .label(given.location.clone(), "required here")
                     .help(format!("write Sub(path: \"...\", params: {{ \"{first}\": ... }})"))
             }
             None => {
-                let message = format!("this graph has to be given {names}");
+                let message = format!("this graph requires {names}");
                 let help = format!(
                     "it is made for `use` in another graph; --set {first}=VALUE gives a value as well"
                 );
@@ -158,7 +158,7 @@ impl Loader {
         self.found.push(found);
     }
 
-    /// Follows `"$name"` to the parameter that it stands for.
+    /// Follows `"$name"` to the parameter that it refers to.
     pub(super) fn resolve(&mut self, given: Given) -> Option<Given> {
         let mut given = given;
         for _ in 0..=self.limits.depth {
@@ -195,7 +195,7 @@ impl Loader {
                 }
             }
         }
-        self.error("F027", "parameters that stand for each other in a circle", given.location);
+        self.error("F027", "parameters refer to each other in a cycle", given.location);
         None
     }
 
@@ -213,7 +213,7 @@ impl Loader {
             let own = name.rsplit('.').next().unwrap_or(name);
             let message = format!("nothing uses the parameter `{name}`");
             Diagnostic::warning("F029", message, location.clone())
-                .help(format!("write \"${own}\" where its value is to stand"))
+                .help(format!("write \"${own}\" where its value is used"))
         };
         unused.map(warn).collect()
     }

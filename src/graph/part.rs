@@ -4,9 +4,9 @@ use super::{Graph, GraphNode, Link};
 use std::sync::Arc;
 
 impl Graph {
-    /// The nodes `ends` with all nodes from which a path leads to them, and the place in it of each node of the whole graph.
+    /// The nodes `ends` with all nodes from which a path leads to them, and the index in it of each node of the whole graph.
     ///
-    /// Ids and order stay, so that each node computes the same as in the whole graph.
+    /// Ids and order are unchanged, so that each node computes the same as in the whole graph.
     ///
     /// # Complexity
     /// O(nodes + links).

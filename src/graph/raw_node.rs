@@ -23,7 +23,7 @@ pub struct RawNode {
     pub location: SourceLocation,
     /// End of its text in that file.
     pub end: usize,
-    /// Its fields in order: name, place of the name, value.
+    /// Its fields in order: name, location of the name, value.
     pub fields: Vec<(String, SourceLocation, Given)>,
     /// True if its text is complete enough to check.
     pub whole: bool,
@@ -32,7 +32,7 @@ pub struct RawNode {
 }
 
 impl RawNode {
-    /// Takes over what a file that extends this node's file says of it.
+    /// Takes over the fields of this node in a file that extends this one.
     pub(super) fn extend(&mut self, new: Self) {
         if new.type_name != self.type_name {
             *self = new;

@@ -63,7 +63,7 @@ impl Root {
     }
 
     /// Returns true if a path lies below the graph's own folder, which is written as `folder`, links followed. A file that
-    /// is missing counts by its text, so that the answer does not tell which files exist elsewhere.
+    /// is missing counts by its text, so that the answer does not reveal which files exist elsewhere.
     pub(super) fn own_folder_holds(&self, folder: &Path, path: &str) -> bool {
         let folder = join(folder, "");
         let path =
@@ -93,7 +93,7 @@ impl Root {
         self.folders.iter().any(|f| real.starts_with(f)) || self.files.iter().any(|f| f == real)
     }
 
-    /// The first part of a path that is a link inside what may be read, and where it leads.
+    /// The first part of a path that is a link inside the permitted folders, and its target.
     fn link_out(&self, path: &Path) -> Option<String> {
         let mut part = PathBuf::new();
         path.components().find_map(|component| {

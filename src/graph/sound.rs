@@ -11,13 +11,13 @@ use foley_nodes::core::ports::Arity;
 enum Known {
     /// It is wrong, or reads something that is.
     Nothing,
-    /// Some of the links of an input that takes many are known: enough to compare them.
+    /// Some of the links of an input with many are known: enough to compare them.
     Inputs,
     /// All of it, with all above it.
     All,
 }
 
-/// Returns true for each node that was read without mistake; false for all if the text cannot be parsed.
+/// Returns true for each node that was read without a mistake; false for all if the text cannot be parsed.
 pub(super) fn readable(raw: &[RawNode], found: &[Diagnostic]) -> Vec<bool> {
     let mut good: Vec<bool> = raw.iter().map(|node| node.whole).collect();
     for d in found.iter().filter(|d| d.severity == Severity::Error) {

@@ -14,7 +14,7 @@ pub fn nearest<'a>(found: &str, names: impl IntoIterator<Item = &'a str>) -> Opt
     (best.0 <= room && best.0 < found.chars().count()).then_some(best.1)
 }
 
-/// `did you mean ...?` with what exists, or only what exists.
+/// `did you mean ...?` with the existing names, or only these names.
 #[must_use]
 pub fn help<'a>(found: &str, what: &str, names: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<&str> = names.into_iter().collect();

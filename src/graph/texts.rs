@@ -13,7 +13,7 @@ pub struct Texts(Mutex<BTreeMap<PathBuf, (PathBuf, String)>>);
 impl Texts {
     /// Sets the text of a file that is not to be read from the disk, such as one with unsaved changes in an editor.
     ///
-    /// `path` is the path as graphs resolve it: that of the graph, or the folder of the graph joined with what it names.
+    /// `path` is the path as graphs resolve it: that of the graph, or the folder of the graph joined with the path in the text.
     pub fn set(&self, path: &Path, text: impl Into<String>) {
         let real = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let mut texts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -35,7 +35,7 @@ impl Texts {
 /// The text of a graph file of at most `limit` bytes; `show` is its name for people.
 ///
 /// # Errors
-/// When it is missing, no plain file, too large, or no UTF-8.
+/// If it is missing, not a plain file, too large, or not UTF-8.
 pub fn read_text(path: &Path, show: &str, limit: u64) -> Result<String, FileError> {
     let error = |code, message: String| FileError { code, message };
     let unreadable = |e: std::io::Error| {

@@ -1,4 +1,4 @@
-//! Node types and fields that older versions had, and what has taken their place.
+//! Node types and fields of older versions, and their replacements.
 
 use crate::lang::ast::{Entry, Field};
 use crate::lang::edit::{EditError, TextEdit, apply, remove_item};
@@ -13,7 +13,7 @@ struct FieldChange {
     field: &'static str,
     /// The present name, and the replacement of the end of its value; `None` if there is no such field.
     now: Option<(&'static str, (&'static str, &'static str))>,
-    /// What has taken its place.
+    /// Advice about its replacement.
     advice: &'static str,
 }
 
@@ -65,13 +65,13 @@ const FIELDS: [FieldChange; 7] = [
     },
 ];
 
-/// What has taken the place of a node type of older versions.
+/// Present name of a node type of older versions.
 #[must_use]
 pub fn renamed_type(name: &str) -> Option<&'static str> {
     TYPES.iter().find(|(old, _)| *old == name).map(|(_, new)| *new)
 }
 
-/// What has taken the place of a field of older versions.
+/// Advice about the replacement of a field of older versions.
 #[must_use]
 pub fn former_field(ty: &str, field: &str) -> Option<&'static str> {
     FIELDS.iter().find(|change| change.ty == ty && change.field == field).map(|change| change.advice)
@@ -86,8 +86,8 @@ pub struct Upgraded {
     pub changes: Vec<(usize, String)>,
 }
 
-/// Changes the text of a graph of an older version to the present node types and fields. What is gone without replacement is removed, and the
-/// changes say what has taken its place.
+/// Changes the text of a graph of an older version to the present node types and fields. Fields without a replacement are removed, and the
+/// changes name the replacements.
 ///
 /// # Errors
 /// If the text cannot be parsed.

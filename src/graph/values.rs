@@ -15,7 +15,7 @@ pub struct Override {
     pub value: String,
 }
 
-/// Origin of a value, which decides the files that it may name.
+/// Origin of a value, which determines the files that it may name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Origin {
     /// A graph file.

@@ -38,7 +38,7 @@ pub enum AttributeKind {
     Error,
 }
 
-/// Something with a place in the text.
+/// An element with a location in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spanned<T> {
     /// Its location.
@@ -147,7 +147,7 @@ impl Parse {
             .collect()
     }
 
-    /// The values of which something with exactly this span is an item, the outermost first.
+    /// The values that contain an item with exactly this span, the outermost first.
     pub(super) fn holders_of(&self, span: &Span) -> Vec<Value> {
         let parents = read::nodes_at(self, span).filter_map(|node| node.parent());
         parents.filter(|node| node.kind().is_value()).map(|node| read::value(&node)).collect()

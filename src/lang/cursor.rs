@@ -1,5 +1,5 @@
-//! The place of a cursor in a text that may be half-typed: the brackets around it and what can stand there. The brackets are those
-//! of the tokens before the cursor, so nothing that follows can hide it.
+//! The position of a cursor in a text that may be half-typed: the brackets around it and the kind of element that is valid there. The brackets are
+//! those of the tokens before the cursor, so nothing that follows can hide it.
 
 use super::error::Span;
 use super::lexer::{Token, lex};
@@ -23,7 +23,7 @@ pub struct Frame {
     pub start: usize,
     /// The name before the bracket.
     pub name: Option<Key>,
-    /// The key or field of which it is the value.
+    /// The key or field that it is the value of.
     pub key: Option<Key>,
     /// Number of complete items before the cursor.
     pub index: usize,
@@ -33,7 +33,7 @@ pub struct Frame {
     current: Option<Key>,
 }
 
-/// What can stand at a cursor.
+/// Kind of element that is valid at a cursor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Slot {
     /// An element, a key or the name of a field begins here.
@@ -44,12 +44,12 @@ pub enum Slot {
     After,
 }
 
-/// The place of a cursor.
+/// The position of a cursor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cursor {
     /// The open brackets, the outermost first.
     pub frames: Vec<Frame>,
-    /// What can stand here.
+    /// Kind of element that is valid here.
     pub slot: Slot,
     /// The word, number or text that the cursor is in or at the end of.
     pub word: Option<Word>,
@@ -69,7 +69,7 @@ pub struct Word {
 }
 
 impl Cursor {
-    /// The place of a byte offset in a text; `None` inside a comment.
+    /// The position of a byte offset in a text; `None` inside a comment.
     ///
     /// # Complexity
     /// Linear in the text.
@@ -123,7 +123,7 @@ impl Frame {
         self.name.as_ref().map(|name| &*name.text)
     }
 
-    /// Text of the key or field of which it is the value.
+    /// Text of the key or field that it is the value of.
     #[must_use]
     pub fn key(&self) -> Option<&str> {
         self.key.as_ref().map(|key| &*key.text)

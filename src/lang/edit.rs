@@ -1,4 +1,4 @@
-//! Changes to a text as edits of their own places, so that comments and layout stay.
+//! Changes to a text as edits of their own locations, so that comments and layout are preserved.
 
 use super::ast::{Document, Entry, Field, Value, ValueKind};
 use super::error::{Span, SyntaxError};
@@ -20,15 +20,15 @@ pub struct TextEdit {
     pub new_text: String,
 }
 
-/// Why an edit cannot be made.
+/// Reason for which an edit is impossible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EditError {
     /// No value of the document has exactly this span.
-    #[error("no value stands at {}..{}", .0.start, .0.end)]
+    #[error("there is no value at {}..{}", .0.start, .0.end)]
     NoValue(Span),
     /// No map key with exactly this span is a string.
-    #[error("no map key that is a string stands at {}..{}", .0.start, .0.end)]
+    #[error("there is no string as a map key at {}..{}", .0.start, .0.end)]
     NoKey(Span),
     /// The new text is not a value.
     #[error("the new text is not a value: {0}")]
@@ -107,7 +107,7 @@ fn check_item(document: &Parse, text: &str, brackets: Brackets) -> Result<(), Ed
 /// A string that may be a link to a key.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkSite<'a> {
-    /// The entry of the map in which the string stands.
+    /// The entry of the map that contains the string.
     pub entry: &'a Entry,
     /// The innermost field that holds the string, if one does.
     pub field: Option<&'a Field>,

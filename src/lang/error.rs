@@ -5,13 +5,13 @@ use std::ops::Range;
 /// A range of byte offsets in the text.
 pub type Span = Range<usize>;
 
-/// One syntax error: where it is, what was found and what would have been right.
+/// One syntax error: its location, the text found and the correct form.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct SyntaxError {
     /// The offending text; empty where something is missing.
     pub span: Span,
-    /// One sentence that states what was found.
+    /// One sentence that states the text found.
     pub message: String,
     /// The expected token, if it is known.
     pub expected: Option<String>,
@@ -38,9 +38,9 @@ pub enum ErrorKind {
     MissingComma,
     /// A key or field name without its colon.
     MissingColon,
-    /// A place where a value should be.
+    /// A location where a value should be.
     MissingValue,
-    /// A place where a map key or a field name should be.
+    /// A location where a map key or a field name should be.
     MissingKey,
     /// An opening bracket that is never closed, or closed too late.
     MissingBracket,

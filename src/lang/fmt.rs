@@ -223,7 +223,7 @@ impl Printer {
         }
     }
 
-    /// The elements on the lines that they were on, as far as they fit.
+    /// The elements on the lines that they were on, where they fit.
     fn fill(&mut self, inside: &Inside, indent: usize) {
         let mut fresh = true;
         for (nth, item) in inside.items.iter().enumerate() {

@@ -182,7 +182,7 @@ impl<'t> Lexer<'t> {
                 0,
                 2,
                 ErrorKind::Unexpected,
-                "`r#` stands alone".to_owned(),
+                "`r#` is incomplete".to_owned(),
                 Some("a name or `\"` after it"),
             );
         }
@@ -286,7 +286,7 @@ impl<'t> Lexer<'t> {
                 (c.len_utf8(), Err("a byte literal holds one ASCII character"))
             }
             Some(c) => (c.len_utf8(), Ok(())),
-            None => (0, Err("a quote stands at the end of the text")),
+            None => (0, Err("the text ends after a quote")),
         };
         let closed = body[len..].starts_with('\'');
         if closed && result.is_ok() {

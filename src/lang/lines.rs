@@ -1,6 +1,6 @@
 //! Byte offsets to lines and columns, and back.
 
-/// A place for people: both numbers start at 1, the column counts characters.
+/// A position for people: both numbers start at 1, the column counts characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct LineColumn {
     /// The line, from 1.
@@ -18,7 +18,7 @@ struct Wide {
     bytes_over_utf16: usize,
 }
 
-/// The line starts of a text, for looking up places.
+/// The line starts of a text, for looking up positions.
 ///
 /// # Complexity
 /// Linear to make; each look-up is a binary search.

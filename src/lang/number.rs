@@ -148,7 +148,7 @@ fn float(text: &str) -> Result<(usize, Number), String> {
     for c in text[..len].chars() {
         match c {
             '_' if underscore_fits => continue,
-            '_' => return Err("`_` can stand only after a digit or an exponent's `e`".to_owned()),
+            '_' => return Err("`_` is allowed only after a digit or an exponent's `e`".to_owned()),
             '0'..='9' | 'e' | 'E' => underscore_fits = true,
             '.' => underscore_fits = false,
             _ => {}

@@ -48,10 +48,10 @@ fn continuation(after: &str) -> Option<usize> {
     Some(after.len() - line.trim_start_matches([' ', '\t', '\n', '\r']).len())
 }
 
-/// Reads one escape, backslash included, and appends what it stands for. Returns its length.
+/// Reads one escape, backslash included, and appends its character. Returns its length.
 pub(super) fn escape(text: &str, encoding: Encoding, out: &mut Vec<u8>) -> (usize, Result<(), &'static str>) {
     let Some(c) = text[1..].chars().next() else {
-        return (1, Err("a backslash stands at the end"));
+        return (1, Err("the literal ends after a backslash"));
     };
     let simple = match c {
         '\'' | '"' | '\\' => c as u8,

@@ -190,7 +190,7 @@ impl Parse {
         &self.errors
     }
 
-    /// Returns true if the text has no syntax error, that is, whether `ron` accepts it.
+    /// Returns true if the text has no syntax error, that is, if `ron` accepts it.
     pub fn is_ok(&self) -> bool {
         self.errors.is_empty()
     }

@@ -1,4 +1,4 @@
-//! What has to hold for any input of a playing graph: the bodies of the fuzz targets, which tests run on damaged input as well.
+//! Properties that hold for any input of a playing graph: bodies of the fuzz targets, also run by tests on damaged input.
 
 use super::input::{Hub, MAX_SETS, Refusal, read_frames, read_line, read_lines, read_packet};
 use super::{CEILING, Callback, LiveGraph, Options, Player, PlayerEvent};

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 use std::{fs, io};
 
-/// Age from which on levels are those of a graph that plays no more, s.
+/// Age at which levels count as those of a graph that no longer plays, s.
 const MAX_AGE: f64 = 3.0;
 
 /// The levels of a graph that plays, as `foley live` and `foley watch --live` write them beside it while they play.
@@ -19,7 +19,7 @@ pub struct Levels {
     pub at: f64,
     /// Seconds that the graph has played.
     pub played: f64,
-    /// Peak of what was heard in the last second, dB of full scale; `None` for silence.
+    /// Peak of the sound in the last second, dB of full scale; `None` for silence.
     pub out: Option<f64>,
     /// Peak and root mean square of each meter, by its name.
     pub meters: BTreeMap<String, (f64, f64)>,
@@ -56,7 +56,7 @@ impl Levels {
         fs::rename(&part, &path).inspect_err(|_| drop(fs::remove_file(&part)))
     }
 
-    /// Removes the file of the levels of a graph that plays no more.
+    /// Removes the file of the levels of a graph that no longer plays.
     pub fn remove(graph: &Path) {
         let _ = fs::remove_file(Self::path(graph));
     }

@@ -81,9 +81,9 @@ pub enum PlayerEvent {
     Swapped,
     /// The transition is over.
     TransitionOver,
-    /// The output of this node was not finite, and the node begins anew; reported once for each node.
+    /// The output of this node was not finite, and the node is reset; reported once for each node.
     Renewed(String),
-    /// Nothing is heard for a second, although something comes in: nodes that give nothing, with the reasons.
+    /// No sound for a second, although input arrives: nodes that give nothing, with the reasons.
     Silent(Vec<(String, String)>),
     /// A node failed; there is silence until the next load.
     Failed(Box<Diagnostic>),
@@ -100,7 +100,7 @@ pub struct Player {
     playing: Playing,
     /// During a transition, the window at which its fades are over.
     transition_end: Option<u64>,
-    /// Pairs of a cross-fade and the output that gets its history when the transition is over.
+    /// Pairs of a cross-fade and the output that receives its history when the transition is over.
     successor_seeds: OutputPairs,
     /// True while a retune is in transit to the callback.
     retuning: bool,
@@ -124,7 +124,7 @@ impl Player {
     /// Makes both sides of a player.
     ///
     /// # Errors
-    /// All errors of the graph, as far as it has to play.
+    /// All errors of the parts of the graph that play.
     pub fn start(graph: LiveGraph, options: Options) -> Result<(Self, Callback), Vec<Diagnostic>> {
         let prepared = PreparedGraph::new(graph)?;
         let rate = prepared.draft.rate;

@@ -15,7 +15,7 @@ use lsp_types::{
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Codes of findings about something that can be removed: a node, a parameter, something given twice.
+/// Codes of findings about something that can be removed: a node, a parameter, a duplicate.
 const REMOVABLE: [(&str, &str); 3] =
     [("F026", "remove the node"), ("F029", "remove the parameter"), ("F005", "remove the second one")];
 

@@ -1,4 +1,4 @@
-//! What is wrong with a graph, and what its links carry: found on a thread of its own, for the newest text.
+//! Diagnostics of a graph and formats of its links, computed on a thread of its own for the newest text.
 
 use crate::diag::{Diagnostic, Sources};
 use crate::graph::{LoadOptions, Texts};
@@ -23,7 +23,7 @@ pub struct Request {
     pub texts: Arc<Texts>,
 }
 
-/// What was found of a graph.
+/// Results of the analysis of a graph.
 #[derive(Debug)]
 pub struct Analysis {
     /// Its path.
@@ -36,13 +36,13 @@ pub struct Analysis {
     pub sources: Sources,
     /// Notes of nodes: the id of each, and a text.
     pub notes: Vec<(String, String)>,
-    /// What is known of the nodes that are valid, by id.
+    /// Facts about the valid nodes, by id.
     pub nodes: HashMap<String, NodeFacts>,
     /// The files that the graph asked for.
     pub asked: Vec<PathBuf>,
 }
 
-/// What is known of a node without running it.
+/// Facts about a node that are known without running it.
 #[derive(Clone, Debug)]
 pub struct NodeFacts {
     /// Its type.

@@ -1,4 +1,4 @@
-//! What can be typed at a place: node types, fields, values, links and files.
+//! Completion: node types, fields, values, links and files.
 
 mod item;
 mod links;
@@ -23,16 +23,16 @@ use values::Files;
 
 /// Fields of a graph, each with its value as a snippet and its documentation.
 const GRAPH_FIELDS: [(&str, &str, &str); 6] = [
-    ("title", "\"$1\"", "What the graph is called."),
+    ("title", "\"$1\"", "Title of the graph."),
     ("seed", "${1:0}", "Seed of all randomness in the graph."),
     ("extends", "\"$1\"", "The path of a graph that this one adds to and changes."),
-    ("params", "{\n    $0\n}", "Values that `\"$name\"` stands for; `--set NAME=VALUE` changes them."),
+    ("params", "{\n    $0\n}", "Values to which `\"$name\"` refers; `--set NAME=VALUE` changes them."),
     ("use", "{\n    $0\n}", "Sub-graphs by name; their nodes get ids such as `name.node`."),
     ("nodes", "{\n    $0\n}", "The nodes, each by its id."),
 ];
 
-/// What can stand at the cursor, of what has the typed letters in their order. Of very many the first are offered, and the editor asks
-/// again when more is typed.
+/// Returns the completions at a cursor that contain the typed letters in their order. Of very many the first are returned, marked as
+/// incomplete, so that the editor requests them again when more is typed.
 #[must_use]
 pub fn complete(context: &Context<'_>, at: At<'_>) -> CompletionList {
     let Some(cursor) = Cursor::at(&at.file.text, at.offset) else { return CompletionList::default() };

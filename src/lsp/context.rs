@@ -1,4 +1,4 @@
-//! What requests of an editor are answered from.
+//! Data from which requests of an editor are answered.
 
 use super::analysis::{Analysis, NodeFacts, StreamFacts};
 use super::file::TextFile;
@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The texts, the node types, and what is known of the graphs.
+/// The texts, the node types, and the results of the analyses of graphs.
 pub struct Context<'a> {
     /// The texts.
     pub workspace: &'a Workspace,
@@ -36,7 +36,7 @@ pub struct At<'a> {
 }
 
 impl Context<'_> {
-    /// What is known of a node of a file: from the analysis of the file, or of an open graph that uses it.
+    /// Facts about a node of a file: from the analysis of the file, or of an open graph that uses it.
     #[must_use]
     pub fn facts(&self, path: &Path, id: &str) -> Option<&NodeFacts> {
         let own = self.analyses.get(path).and_then(|analysis| analysis.nodes.get(id));
@@ -77,13 +77,13 @@ impl Context<'_> {
         Some((spec, stream))
     }
 
-    /// The level of a node, or of its meter, in the graph as it plays now.
+    /// The level of a node, or of its meter, in the graph that plays now.
     #[must_use]
     pub fn level(&self, path: &Path, id: &str, meter: &str) -> Option<String> {
         Levels::beside(path).map(|levels| levels.describe(id, meter))
     }
 
-    /// The level of a node of a sub-graph in the graph as it plays now, by its id there.
+    /// The level of a node of a sub-graph in the graph that plays now, by its id there.
     #[must_use]
     pub fn inner_level(&self, path: &Path, id: &str) -> Option<String> {
         let levels =

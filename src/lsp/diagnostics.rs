@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Maximum number of findings of one file.
 const MAX_FINDINGS: usize = 500;
 
-/// All findings of a graph. Those in a sub-graph stand where the sub-graph is used.
+/// All findings of a graph. Findings in a sub-graph are located where the sub-graph is used.
 #[must_use]
 pub fn diagnostics(
     workspace: &Workspace,
@@ -28,7 +28,7 @@ pub fn diagnostics(
     findings.chain(notes).take(MAX_FINDINGS).collect()
 }
 
-/// The syntax errors of a text that is no graph; without any, what the reader of its format rejects.
+/// The syntax errors of a text that is not a graph, or else the errors of the reader of its format.
 #[must_use]
 pub fn text_errors(file: &TextFile) -> Vec<lsp_types::Diagnostic> {
     let one = |e: &crate::lang::SyntaxError| {
@@ -133,7 +133,7 @@ impl Places<'_> {
         out
     }
 
-    /// Where the graph uses the sub-graph of a location.
+    /// Range in which the graph uses the sub-graph of a location.
     fn used_at(&self, at: &SourceLocation, node: Option<&str>) -> Range {
         let (file, path) = (self.file, self.path(at));
         let names_it =

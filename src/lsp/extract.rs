@@ -142,7 +142,7 @@ fn free_name(path: &Path, file: &TextFile) -> Option<(String, PathBuf)> {
     })
 }
 
-/// A name for the parameter that stands for a link: the same for the same link.
+/// A name for the parameter that replaces a link: the same for the same link.
 fn free_param(base: &str, link: &str, file: &TextFile, params: &BTreeMap<String, String>) -> String {
     free_id(base, |name| match params.get(name) {
         Some(value) => value != link,

@@ -16,7 +16,7 @@ pub struct TextFile {
     /// Its values.
     pub document: Document,
     lines: LineIndex,
-    /// Places of the nodes of a graph in its map, by id; the first of those with one id.
+    /// Locations of the nodes of a graph in its map, by id; the first of several with one id.
     by_id: HashMap<String, usize>,
 }
 
@@ -183,7 +183,7 @@ impl<'a> UseText<'a> {
         of(entry.value.field("params")).iter().chain(items.iter().flat_map(move |item| of(Some(item))))
     }
 
-    /// What follows its name in a link: without the number or `*` of an item of an array.
+    /// Rest of a link after its name, without the number or `*` of an item of an array.
     #[must_use]
     pub fn rest<'t>(&self, rest: &'t str) -> &'t str {
         let (first, tail) = rest.split_once('.').unwrap_or((rest, ""));

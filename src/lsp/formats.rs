@@ -1,4 +1,4 @@
-//! Files that people write beside graphs: correspondences, materials and scores. What stands in them is known from the readers
+//! Formats of files that people write beside graphs: correspondences, materials and scores. Their fields are those of the readers
 //! that nodes use, so that the server cannot differ from them.
 
 use super::file::TextFile;
@@ -31,12 +31,12 @@ pub static FORMATS: [Format; 3] = [
     },
     Format {
         name: "SoundScore",
-        doc: "Where which sounds of a recording are to be heard.",
+        doc: "Sounds of recordings, and when they occur in the output.",
         check: |text| read_score(text).map(drop),
     },
 ];
 
-/// A field that no format has, by which a reader is asked for those that it has.
+/// A field that no format has, which makes a reader list those that it has.
 const PROBE: &str = "__";
 /// Maximum number of required fields of a file.
 const MAX_REQUIRED: usize = 8;
@@ -49,7 +49,7 @@ impl Format {
         FORMATS.iter().find(|format| format.name == kind)
     }
 
-    /// What the reader rejects in a text: the first mistake, or those of all records, and its location.
+    /// The first mistake that the reader finds in a text, or those of all records, with its location.
     #[must_use]
     pub fn mistake(&self, file: &TextFile) -> Option<(Span, String)> {
         let TextError { location, message } = (self.check)(&file.text).err()?;
@@ -63,7 +63,7 @@ impl Format {
         Some((start..end.max(start), message))
     }
 
-    /// The names that can stand at a cursor: fields of a record, or the choices of a value.
+    /// The names that are valid at a cursor: fields of a record, or the choices of a value.
     #[must_use]
     pub fn names(&self, cursor: &Cursor) -> Vec<String> {
         let probe = match &cursor.slot {
@@ -86,7 +86,7 @@ impl Format {
     }
 }
 
-/// A text with nothing in its brackets but what is on the way to the probe, and the fields that a file has to have.
+/// A text whose brackets contain only the path to the probe, and the required fields of the file.
 fn nested(frames: &[Frame], probe: &str, required: &[String]) -> String {
     let (mut text, mut closers) = (String::new(), String::new());
     for (depth, frame) in frames.iter().enumerate() {
@@ -111,7 +111,7 @@ fn nested(frames: &[Frame], probe: &str, required: &[String]) -> String {
     text + probe + &closers
 }
 
-/// The names that a reader lists in its message about one that it does not know.
+/// The names that a reader lists in its message about an unknown one.
 fn listed(message: &str) -> Vec<String> {
     // Of several mistakes the first is about the probe.
     let first = message.split("; and ").next().unwrap_or(message);

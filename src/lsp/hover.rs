@@ -1,4 +1,4 @@
-//! What a word stands for: documentation, values, rates and formats.
+//! Hover texts of a word: documentation, values, rates and formats.
 
 use super::context::{At, Context, doc, port_line};
 use super::file::{NodeText, TextFile};
@@ -10,7 +10,7 @@ use foley_nodes::core::params::ParamKind;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// The description of what stands at an offset, as Markdown, and its span.
+/// The description of the element at an offset, as Markdown, and its span.
 #[must_use]
 pub fn hover(context: &Context<'_>, at: At<'_>) -> Option<(Span, String)> {
     if !at.file.is_graph() {
@@ -56,7 +56,7 @@ fn choice(ty: &NodeType, field: &str, value: &Value, offset: usize) -> Option<(S
     Some((value.span(), format!("`{name}`: {}", doc(text))))
 }
 
-/// A field of a node: what it takes, and its documentation.
+/// A field of a node: its type, and its documentation.
 fn field_page(ty: &NodeType, name: &str) -> Option<String> {
     let (port, spec) = field_of(ty, name);
     let mut lines = Vec::new();
@@ -149,7 +149,7 @@ fn of_own_layers(context: &Context<'_>, at: At<'_>, path: &Path) -> bool {
 fn node_page(context: &Context<'_>, at: At<'_>, path: &Path, file: &TextFile, id: &str) -> Option<String> {
     let node: NodeText<'_> = file.node(id)?;
     let Some(ty) = type_of(context.registry, &node) else {
-        return Some(format!("`{id}`: {}, which is no node type", node.ty.value));
+        return Some(format!("`{id}`: {}, which is not a node type", node.ty.value));
     };
     let mut out = format!("**{id}**: {}\n\n{}\n", ty.name, ty.summary());
     let own = of_own_layers(context, at, path);

@@ -1,4 +1,4 @@
-//! A language server for graphs: what editors ask for over the Language Server Protocol 3.17.
+//! A language server for graphs, for requests of editors over the Language Server Protocol 3.17.
 //!
 //! [`serve`] answers requests on the thread that it is called on. A second thread inspects graphs for diagnostics, rates and
 //! formats (`analysis`), so that no request waits for a file. All requests but these are answered from the texts alone: the

@@ -1,4 +1,4 @@
-//! Names in the texts of graphs, and what they stand for: nodes, sub-graphs, parameters and files.
+//! Names in the texts of graphs, and their referents: nodes, sub-graphs, parameters and files.
 
 use super::file::{NodeText, TextFile};
 use super::workspace::{Workspace, beside};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Maximum depth of sub-graphs that are followed.
 const MAX_DEPTH: usize = 16;
 
-/// What a name stands for.
+/// Referent of a name.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Target {
     /// A node: its file and its id in it.
@@ -34,7 +34,7 @@ pub enum Target {
 pub struct Occurrence {
     /// Its location, without quotes.
     pub span: Span,
-    /// What it stands for.
+    /// Its referent.
     pub target: Target,
     /// True where it is declared.
     pub declares: bool,
@@ -76,7 +76,7 @@ pub fn name_at(
     all.into_iter().find(|name| name.span.start <= offset && offset <= name.span.end)
 }
 
-/// All places in the graphs of the workspace that name a target.
+/// All locations in the graphs of the workspace that name a target.
 #[must_use]
 pub fn occurrences(
     workspace: &Workspace,
@@ -278,7 +278,7 @@ impl Names<'_> {
         });
     }
 
-    /// The parameters of a graph that stand for links.
+    /// The parameters of a graph whose values are links.
     fn link_params(&self, path: &Path, file: &TextFile, depth: usize) -> BTreeSet<String> {
         let mut found = BTreeSet::new();
         let mut used = |value: &Value| {

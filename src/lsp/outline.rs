@@ -97,7 +97,7 @@ fn symbol(
     }
 }
 
-/// What can be folded: everything in brackets over several lines, and comments of several lines.
+/// Ranges that can be folded: brackets over several lines, and comments of several lines.
 #[must_use]
 pub fn folding(file: &TextFile) -> Vec<FoldingRange> {
     let fold = |start: usize, end: usize, kind: Option<FoldingRangeKind>| {

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// The edits that rename a target, by file.
 ///
 /// # Errors
-/// Why the new name cannot be used.
+/// Reason for which the new name is invalid.
 pub fn rename(
     workspace: &Workspace,
     registry: &Registry,

@@ -29,7 +29,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The answer to a request; `None` for a method that is not known.
+/// The answer to a request; `None` for an unknown method.
 ///
 /// # Errors
 /// Parameters that cannot be read, or a rename that cannot be made.
@@ -152,7 +152,7 @@ struct Requests<'a> {
     context: &'a Context<'a>,
 }
 
-/// A place in a text.
+/// A position in a text.
 struct Place {
     path: PathBuf,
     file: Arc<TextFile>,
@@ -190,7 +190,7 @@ impl Requests<'_> {
         Some(Location { uri: uri(self.context.workspace, path)?, range: file.range(&found.span) })
     }
 
-    /// Where a target is declared.
+    /// Declaration of a target.
     fn declaration(&self, target: &Target) -> Option<Location> {
         let at = |path: &PathBuf, span: Option<crate::lang::Span>| {
             let file = self.context.workspace.file(path)?;
@@ -236,7 +236,7 @@ impl Requests<'_> {
     }
 }
 
-/// The edit that makes one text of another: of the lines between those that both begin and end with.
+/// The edit that turns one text into another: of the lines between their common beginning and their common end.
 fn difference(old: &str, new: &str) -> Vec<TextEdit> {
     if old == new {
         return Vec::new();

@@ -160,7 +160,7 @@ impl<'c> Server<'c> {
             Some(Ok(value)) => Response::new_ok(id, value),
             Some(Err(message)) => Response::new_err(id, ErrorCode::RequestFailed as i32, message),
             None => {
-                let message = format!("the server does not know the request {method}");
+                let message = format!("the server does not support the request {method}");
                 Response::new_err(id, ErrorCode::MethodNotFound as i32, message)
             }
         });

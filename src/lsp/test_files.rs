@@ -1,4 +1,4 @@
-//! Checks that are written beside a graph: what is wrong with them, and what can be typed.
+//! Test files beside a graph: their mistakes, and completions.
 
 use super::file::TextFile;
 use crate::diag::Diagnostic;
@@ -26,7 +26,7 @@ pub fn is_test(file: &TextFile) -> bool {
     file.kind() == Some(NAME)
 }
 
-/// Every mistake in a test file, with its place.
+/// Every mistake in a test file, with its location.
 #[must_use]
 pub fn mistakes(file: &TextFile) -> Vec<(Span, String)> {
     let place = |found: Diagnostic| {
@@ -36,7 +36,7 @@ pub fn mistakes(file: &TextFile) -> Vec<(Span, String)> {
     TestFile::mistakes(&file.text).into_iter().map(place).collect()
 }
 
-/// What can be typed at a cursor in a test file.
+/// Completions at a cursor in a test file.
 #[must_use]
 pub fn suggestions(cursor: &Cursor) -> Vec<Suggestion> {
     let field = |&(name, value, doc): &(&'static str, &str, &'static str)| Suggestion {
@@ -51,7 +51,7 @@ pub fn suggestions(cursor: &Cursor) -> Vec<Suggestion> {
         }
         ([_, cases], Slot::Value(_)) if cases.key() == Some("cases") => {
             let insert = "Case(outputs: {\"$1\": [$2]})".to_owned();
-            vec![Suggestion { name: "Case", insert, doc: "A run of the graph, and what is expected of it." }]
+            vec![Suggestion { name: "Case", insert, doc: "A run of the graph, and its checks." }]
         }
         ([_, _, case], Slot::Item) if case.name() == Some("Case") => [
             ("set", "{\"$1\": $2}", "Values as of `--set`."),

@@ -1,4 +1,4 @@
-//! Semantic tokens: what each word of a text is.
+//! Semantic tokens: the kind of each word of a text.
 
 use super::file::TextFile;
 use super::names::{Occurrence, Target};
@@ -28,7 +28,7 @@ const COMMENT: u32 = 5;
 const VARIABLE: u32 = 6;
 const MACRO: u32 = 7;
 const PARAMETER: u32 = 8;
-/// The modifier of what is declared.
+/// The modifier of a declaration.
 const DECLARATION: u32 = 1;
 
 /// The types and modifiers of the tokens.
@@ -82,7 +82,7 @@ fn is_node(name: Option<&SyntaxNode>) -> bool {
     field.is_some_and(|field| field.first_token().is_some_and(|token| token.text() == "nodes"))
 }
 
-/// The parts of a text in quotes: names, and what is between them.
+/// The parts of a text in quotes: names, and the text between them.
 fn string(span: &Span, names: &HashMap<usize, &Occurrence>, found: &mut Vec<(Span, u32, u32)>) {
     let mut at = span.start;
     for name in (span.start + 1..span.end).filter_map(|at| names.get(&at)) {

@@ -43,7 +43,7 @@ impl Workspace {
         path
     }
 
-    /// Forgets the unsaved text of a file.
+    /// Discards the unsaved text of a file.
     pub fn close(&mut self, uri: &Uri) -> PathBuf {
         let path = path_of(uri);
         self.open.remove(&path);
@@ -137,7 +137,7 @@ fn find_ron(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) {
     }
 }
 
-/// The path of what a file names, without detours.
+/// The path that a file names, without detours.
 #[must_use]
 pub fn beside(file: &Path, named: &str) -> PathBuf {
     join(file.parent().unwrap_or(Path::new("")), named).into()

@@ -19,7 +19,7 @@ pub type KeyPart = (String, String);
 /// All dependencies of a result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Key {
-    /// The parts by name; content hashes stand for files and for values.
+    /// The parts by name; files and values are represented by content hashes.
     pub parts: Vec<KeyPart>,
     /// The hash of the parts; `None` while the value of an input is not known.
     pub hash: Option<blake3::Hash>,

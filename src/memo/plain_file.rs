@@ -1,4 +1,4 @@
-//! Opens files of a cache, which anybody may have put there: plain files only, never what a link leads to, a pipe or a device.
+//! Opens files of a cache, which anybody may have written: plain files only, never the target of a link, a pipe or a device.
 
 use std::fs::{self, File, Metadata};
 use std::io::{self, Read};
@@ -18,7 +18,7 @@ fn refuse_other(meta: &Metadata) -> io::Result<()> {
 /// Opens a plain file.
 ///
 /// # Errors
-/// As [`File::open`], and for anything else than a plain file, which is not opened.
+/// As [`File::open`], and for anything but a plain file, which is not opened.
 pub fn open(path: &Path) -> io::Result<File> {
     // Before it is opened: to open a pipe waits for its other end.
     refuse_other(&fs::symlink_metadata(path)?)?;
@@ -30,7 +30,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// Reads a plain file of at most `most` bytes.
 ///
 /// # Errors
-/// As [`open`], when reading fails, and when the file is larger.
+/// As [`open`]; if reading fails; and if the file is larger.
 pub fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let file = open(path)?;
     if file.metadata()?.len() > most {

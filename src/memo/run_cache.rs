@@ -49,7 +49,7 @@ pub struct StoredPartial<'a> {
     store: &'a Store,
     entry: Entry,
     used: HashSet<String>,
-    /// True when the run is to stop: what is offered then is stored at once.
+    /// True when the run is to stop: a partial result is then stored at once.
     stop: &'a AtomicBool,
     stored: Mutex<Instant>,
 }
@@ -155,7 +155,7 @@ impl<'a> RunCache<'a> {
         })
     }
 
-    /// What an interrupted computation of a node left; `None` for a node that is not cached. [`Self::look_up`] comes before it.
+    /// Partial result of an interrupted computation of a node; `None` for a node that is not cached. Requires [`Self::look_up`].
     #[must_use]
     pub fn partial<'b>(&self, n: usize, stop: &'b AtomicBool) -> Option<StoredPartial<'b>>
     where

@@ -20,7 +20,7 @@ const FORMAT: u32 = 1;
 const PREFIX: usize = 8 + 4 + 4 + 32;
 /// Maximum bytes of a header: a few hundred, and the summary of the node.
 const MAX_HEADER_BYTES: usize = 16 << 20;
-/// Age from which a temporary file is removed: the process that wrote it was killed.
+/// Age at which a temporary file is removed: the process that wrote it was killed.
 const STALE: Duration = Duration::from_secs(3600);
 
 /// One file of a store.
@@ -103,7 +103,7 @@ impl Store {
     /// Reads an entry and the bytes of its values; `None` if there is none.
     ///
     /// # Errors
-    /// When a file of this name exists, but is not a complete entry of the key.
+    /// If a file of this name exists, but is not a complete entry of the key.
     pub fn read(&self, key: &str) -> Result<Option<(Entry, Vec<u8>)>, Unusable> {
         let path = self.path(key);
         let unusable = |reason: &str| Err(Unusable(reason.to_owned()));

@@ -6,7 +6,7 @@ use std::collections::{BTreeSet, HashSet};
 /// Costs from which a stream is cached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CachePolicy {
-    /// Minimum time to compute a stream, s per byte; to write and read it takes about a third of the default.
+    /// Minimum time to compute a stream, s per byte; writing and reading it takes about a third of the default.
     pub seconds_per_byte: f64,
     /// Minimum time to compute a stream, s.
     pub min_seconds: f64,

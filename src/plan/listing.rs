@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 const SMALL: usize = 20;
 
 impl Plan {
-    /// What nodes note about their files: the id of each, and a text.
+    /// Notes of nodes about their files: the id of each node, and a text.
     #[must_use]
     pub fn notes(&self, graph: &Graph) -> Vec<(String, String)> {
         shape_notes(graph, &self.shapes)

@@ -87,7 +87,7 @@ impl LivePlan {
     }
 }
 
-/// The part of a plan that does not depend on the window and on what plays before.
+/// The part of a plan that does not depend on the window or on the graph that plays before.
 #[derive(Debug)]
 pub struct Draft {
     /// Shapes, values, and the phases that compute folds before it plays.
@@ -266,7 +266,7 @@ fn prelude(
     })
 }
 
-/// Errors for nodes that need more time or memory than playing leaves.
+/// Errors of nodes that need more time or memory than playing permits.
 fn offline_only(graph: &Graph, nodes: &[usize]) -> Vec<Diagnostic> {
     let offline = nodes.iter().filter(|&&n| graph.nodes[n].ty.class == Class::Offline);
     offline

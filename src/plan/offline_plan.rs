@@ -117,7 +117,7 @@ pub struct Plan {
     pub window: Tick,
     /// Maximum bytes of all buffers at one time.
     pub bytes: usize,
-    /// Memory limit of the buffers, bytes; what the plan leaves of it is for more events than were planned.
+    /// Memory limit of the buffers, bytes; the rest of it is for more events than were planned.
     pub limit: usize,
     /// Unused nodes.
     pub unused: Vec<usize>,

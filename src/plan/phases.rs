@@ -52,7 +52,7 @@ pub struct LiveSplit {
     pub nodes: Vec<usize>,
 }
 
-/// Splits a graph of which only the nodes that feed `sinks` play: its folds are computed before.
+/// Splits a graph in which only the nodes that feed `sinks` play: its folds are computed before.
 pub fn split_live(graph: &Graph, sinks: &[usize]) -> LiveSplit {
     let phase_of = phase_of(graph);
     let nodes = streams_upstream(graph, sinks);

@@ -157,7 +157,7 @@ fn check_loops(graph: &Graph, shapes: &[NodeShape], failed: &[bool]) -> Vec<Diag
     errors
 }
 
-/// What nodes note about their files: the id of each, and a text.
+/// Notes of nodes about their files: the id of each node, and a text.
 #[must_use]
 pub fn shape_notes(graph: &Graph, shapes: &[NodeShape]) -> Vec<(String, String)> {
     let nodes = graph.nodes.iter().zip(shapes);

@@ -25,7 +25,7 @@ pub struct StreamFigures {
     pub width: usize,
     /// Numbers of an element.
     pub columns_of_element: Vec<&'static str>,
-    /// Start of what was measured, s.
+    /// Start of the measurement, s.
     pub from: f64,
     /// Its length, s.
     pub seconds: f64,
@@ -69,7 +69,7 @@ pub struct Row {
     pub time: f64,
     /// Its first numbers.
     pub numbers: Vec<f32>,
-    /// How many more there are.
+    /// Count of the other numbers.
     pub more: usize,
 }
 

@@ -78,7 +78,7 @@ pub(super) struct EventProbe {
     event: &'static str,
     most: usize,
     times: Vec<Tick>,
-    /// Numeric fields in the order in which they came first, with the first points of each.
+    /// Numeric fields in the order of their first occurrence, with the first points of each.
     fields: Vec<(String, Moments, Vec<[f64; 2]>)>,
     texts: BTreeMap<String, BTreeMap<String, u64>>,
     first: Vec<(Tick, Value)>,

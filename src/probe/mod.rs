@@ -1,4 +1,4 @@
-//! What comes out of one output of a graph: figures, the first items, and a drawing.
+//! Probes of one output of a graph: figures, the first items, and a drawing.
 //!
 //! A [`Probe`] observes the output while the graph runs, and holds statistics instead of the data.
 
@@ -53,7 +53,7 @@ enum State {
     Value(AnyValue),
 }
 
-/// What came out of an output.
+/// Figures of an output.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Figures {
@@ -102,7 +102,7 @@ impl Probe {
 }
 
 impl Figures {
-    /// Lines for people, of `output`; `first` items of lists are shown.
+    /// Readable lines about `output`, with the `first` items of lists.
     #[must_use]
     pub fn text(&self, output: &str, first: usize) -> String {
         match self {

@@ -15,7 +15,7 @@ pub struct SoundReport {
     pub rate: f64,
     /// Number of channels.
     pub channels: usize,
-    /// Start of what was measured, s.
+    /// Start of the measurement, s.
     pub from: f64,
     /// Its length, s.
     pub seconds: f64,

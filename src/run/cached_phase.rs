@@ -1,6 +1,6 @@
 //! Runs a phase with the cache: known folds are not computed, cached streams are read in place of their nodes and all nodes
 //! upstream, and streams that are worth caching are written while they run. Those of later phases that need no fold of this one are written
-//! in this phase already: a phase of little work leaves threads without any.
+//! in this phase already, so that a phase of little work uses all threads.
 
 use super::partial_phase::{PartialPhase, Skipped};
 use super::values::take_cached;

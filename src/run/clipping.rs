@@ -1,4 +1,4 @@
-//! How to lower a sound that exceeds full scale.
+//! Advice on the level of a sound that exceeds full scale or is too soft.
 
 use super::node_report::NodeReport;
 use crate::graph::Graph;
@@ -9,10 +9,10 @@ use serde_json::Value;
 
 /// Peak to aim at, dB of full scale.
 const PEAK_DB: f64 = -1.0;
-/// Share of the samples beyond full scale up to which a limiter alters little.
+/// Share of the samples beyond full scale up to which a limiter is nearly inaudible.
 const FEW: f64 = 0.001;
 
-/// Peak below which hardly anything is heard, dB of full scale.
+/// Peak below which a sound is hardly audible, dB of full scale.
 const SOFT_DB: f64 = -60.0;
 
 /// Samples of a sound.
@@ -24,9 +24,9 @@ pub struct Loudness {
     pub over: f64,
 }
 
-/// Returns notes on the files of a run that clip, or of which hardly anything is heard: each of a node and a text.
+/// Returns notes on the files of a run that clip or are hardly audible: each of a node and a text.
 ///
-/// A file of floats holds what it gets, such as a force in N.
+/// A file of floats stores its input unchanged, such as a force in N.
 pub fn notes(graph: &Graph, reports: &[NodeReport]) -> Vec<(String, String)> {
     let is_float = |(name, datum): &(&str, Datum)| {
         *name == "format" && matches!(datum, Datum::Name(format) if format == "Float32")
@@ -44,7 +44,7 @@ pub fn notes(graph: &Graph, reports: &[NodeReport]) -> Vec<(String, String)> {
     reports.iter().enumerate().filter(|(_, node)| node.sink).filter_map(note).collect()
 }
 
-/// Says how to lower the sound that a node without outputs, such as `WavOut`, gets, so that its peak is -1 dB of full scale.
+/// Advice on how to lower the sound that a node without outputs, such as `WavOut`, receives, so that its peak is -1 dB of full scale.
 pub fn advice(graph: &Graph, sink: usize, sound: Loudness) -> String {
     let above = linear_to_db(sound.peak);
     let change = PEAK_DB - above;
@@ -61,7 +61,7 @@ pub fn advice(graph: &Graph, sink: usize, sound: Loudness) -> String {
     format!("its peak is {above:.1} dB above full scale: {lower}{limiter}")
 }
 
-/// Says how to raise a sound of which hardly anything is heard; `None` for silence, which has another reason, and for louder sounds.
+/// Advice on how to raise a sound that is hardly audible; `None` for louder sounds, and for silence, which has other reasons.
 fn too_soft(graph: &Graph, sink: usize, peak: f64) -> Option<String> {
     let level = linear_to_db(peak);
     if peak <= 0.0 || level >= SOFT_DB {
@@ -69,8 +69,8 @@ fn too_soft(graph: &Graph, sink: usize, peak: f64) -> Option<String> {
     }
     let raise = level_parameter(graph, sink, PEAK_DB - level);
     let raise =
-        raise.map(|raise| format!(": {raise}, or look for the node that loses it")).unwrap_or_default();
-    Some(format!("its peak is {level:.1} dB of full scale, of which hardly anything is heard{raise}"))
+        raise.map(|raise| format!(": {raise}, or find the node that attenuates it")).unwrap_or_default();
+    Some(format!("its peak is {level:.1} dB of full scale, which is barely audible{raise}"))
 }
 
 /// The nearest parameter before a node that sets the level, with its new value.

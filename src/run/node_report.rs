@@ -22,6 +22,6 @@ pub struct NodeReport {
     pub cached: bool,
     /// Its own summary.
     pub summary: Map<String, Value>,
-    /// A bit for each of its first 64 outputs that has carried anything; None if it did not run.
+    /// A bit for each of its first 64 outputs that has been active; None if it did not run.
     pub activity: Option<u64>,
 }

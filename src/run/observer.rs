@@ -1,4 +1,4 @@
-//! Taps for outputs of any type, which measure or collect what passes as numbers, as JSON or as a value.
+//! Taps for outputs of any type, which measure or collect their items as numbers, as JSON or as a value.
 
 use super::memory_tap::{Ignored, MemoryTap};
 use foley_nodes::core::fault::Fault;
@@ -12,7 +12,7 @@ use std::any::Any;
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What receives an output of any type, in the order of time.
+/// Receives the items of an output of any type, in the order of time.
 pub trait Observer: Debug + Send + 'static {
     /// A stream of this shape, or events, are about to come.
     fn begin(&mut self, kind: PortKind, shape: Option<&StreamShape>);
@@ -24,7 +24,7 @@ pub trait Observer: Debug + Send + 'static {
     fn value(&mut self, value: &AnyValue);
 }
 
-/// A tap that hands what it gets to an observer.
+/// A tap that passes its input to an observer.
 #[derive(Debug)]
 pub struct ObserverTap<O>(Arc<Mutex<O>>);
 

@@ -87,7 +87,7 @@ impl DirOutputs {
     /// Creates a file at a path from the command line, which need not be below the folder.
     ///
     /// # Errors
-    /// When it cannot be written, or when another output has the same path.
+    /// If it cannot be written, or if another output has the same path.
     pub fn create_at(&self, path: &Path) -> Result<Box<dyn WriteSeek>, FileError> {
         Ok(Box::new(OutputFile(BufWriter::with_capacity(1 << 16, self.create_file_at(path)?))))
     }
@@ -143,7 +143,7 @@ impl DirOutputs {
     /// Renames every file to its final path.
     ///
     /// # Errors
-    /// When a file cannot be renamed; those before it stay, the others are removed.
+    /// If a file cannot be renamed; those before it remain, the others are removed.
     pub fn commit(&self) -> io::Result<()> {
         let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
         while let Some((part, to)) = pending.first().cloned() {

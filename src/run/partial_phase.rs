@@ -146,7 +146,7 @@ impl<'j> PartialPhase<'j> {
 
     /// Finds the streams of later phases that are worth caching and can be computed in this one, and the nodes that they need.
     ///
-    /// Only streams are taken that a node reads which depends on a fold of this phase that is computed now: that node runs in a later phase for certain.
+    /// Only streams are taken whose reader depends on a fold of this phase that is computed now: that node runs in a later phase for certain.
     pub(super) fn find_hoisted(
         &mut self,
         number: usize,

@@ -45,7 +45,7 @@ pub struct Report {
     pub outputs: Vec<OutputReport>,
     /// Warnings, with the ids of their nodes.
     pub notes: Vec<(String, String)>,
-    /// Where the sound is lost, if the run traced it.
+    /// Nodes at which the sound is lost, if the run traced them.
     pub trace: Option<SilenceTrace>,
 }
 

@@ -6,14 +6,14 @@ use foley_nodes::core::ports::{Arity, PortKind, PortSpec};
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// Parameters that multiply what a node gives.
+/// Parameters that multiply the output of a node.
 const FACTORS: [&str; 8] =
     ["gain", "gains", "kappa", "level", "amplitude", "impacts", "impulse", "full_scale"];
 
 /// An output port: its node and its number.
 pub type Output = (usize, usize);
 
-/// True for an output that carries something in the time that is explained; `None` if that is not known.
+/// Returns true for an output that is active in the explained time; `None` if it is not known.
 pub type Activity<'a> = &'a dyn Fn(Output) -> Option<bool>;
 
 /// The output that a link comes from.
@@ -28,11 +28,11 @@ pub enum Period {
     Run,
     /// A second of a graph that plays: a source that has a pause, or a node without messages, needs no explanation.
     Second,
-    /// A stretch of a run: what a node says of its silence holds for a whole run, and explains nothing.
+    /// A stretch of a run: the reason that a node reports holds for a whole run, and does not explain a stretch.
     Stretch,
 }
 
-/// Returns true if something that is sent while a graph plays can reach a node.
+/// Returns true if a message that is sent while a graph plays can reach a node.
 pub fn reads_messages(graph: &Graph, id: &str) -> bool {
     let (mut open, mut seen) = (Vec::from_iter(graph.find(id)), BTreeSet::new());
     while let Some(n) = open.pop() {
@@ -46,7 +46,7 @@ pub fn reads_messages(graph: &Graph, id: &str) -> bool {
     false
 }
 
-/// A graph with what its nodes have given.
+/// A graph with the activity of its nodes.
 struct Search<'a> {
     graph: &'a Graph,
     reports: &'a [NodeReport],
@@ -58,14 +58,14 @@ struct Search<'a> {
 
 /// Returns notes, each of a node and a text: why files, taps (`tapped`, by node and port) and, in a whole run, parts of mixes are silent.
 ///
-/// From what is silent the search goes upstream to the first nodes that gave nothing although they got something.
+/// From a silent output the search goes upstream to the first nodes that gave nothing although they received something.
 pub fn explain(
     graph: &Graph,
     reports: &[NodeReport],
     tapped: &[Output],
     period: Period,
 ) -> Vec<(String, String)> {
-    // Not known of a node in place of which a cached stream was read.
+    // Not known of a node that was replaced by a cached stream.
     let activity = |(node, port): Output| {
         Some(reports[node].activity? != 0).map(|any| {
             any && (port >= 64 || reports[node].activity.is_some_and(|active| active & (1 << port) != 0))
@@ -92,8 +92,8 @@ pub fn explain(
     search.notes.into_iter().map(|note| (id(note.0), text(note))).collect()
 }
 
-/// Finds the nodes at which a silent output is lost, each with a reason: the first ones upstream of it that give nothing although something
-/// arrives, or that nothing feeds; `whole` if all of what is written depends on the output.
+/// Finds the nodes at which a silent output is lost, each with a reason: the first ones upstream of it that give nothing although they
+/// receive something, or that nothing feeds; `whole` if all that is written depends on the output.
 pub fn losses(
     (graph, reports): (&Graph, &[NodeReport]),
     output: Output,
@@ -106,7 +106,7 @@ pub fn losses(
     search.notes.into_iter().map(|(n, _, text)| (n, text)).collect()
 }
 
-/// What is silent.
+/// Part of a node that is silent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Lost {
     /// A node with all its outputs.
@@ -130,7 +130,7 @@ impl<'a> Search<'a> {
         Self { graph, reports, period, activity, visited: BTreeSet::new(), notes: Vec::new() }
     }
 
-    /// What a node says about its silence.
+    /// Reason that a node reports for its silence.
     fn reason(&self, n: usize) -> Option<&str> {
         if self.period == Period::Stretch {
             return None;
@@ -138,18 +138,18 @@ impl<'a> Search<'a> {
         self.reports[n].summary.get("silent")?.as_str()
     }
 
-    /// Returns true if an output has carried something; None if it is not known, since a cached stream replaced its node.
+    /// Returns true if an output has been active; None if it is not known, since a cached stream replaced its node.
     fn is_active(&self, output: Output) -> Option<bool> {
         (self.activity)(output).or_else(|| self.reason(output.0).map(|_| false))
     }
 
-    /// Returns true if no output of a node has carried anything.
+    /// Returns true if no output of a node has been active.
     fn gave_nothing(&self, node: usize) -> bool {
         let ports = 0..self.graph.nodes[node].ty.outputs.len();
         !ports.into_iter().any(|port| self.is_active((node, port)) == Some(true))
     }
 
-    /// Explains an output if nothing came from it; `whole` if all of an output depends on it.
+    /// Explains an output without content; `whole` if all of an output depends on it.
     fn follow(&mut self, (node, port): Output, whole: bool) {
         let spec = &self.graph.nodes[node].ty.outputs[port];
         if !flows(spec) || self.is_active((node, port)) != Some(false) {
@@ -174,7 +174,7 @@ impl<'a> Search<'a> {
         let inputs = node.ty.inputs.iter().zip(&node.links).filter(|(spec, _)| flows(spec));
         let links: Vec<(&str, Output)> =
             inputs.flat_map(|(spec, links)| links.iter().map(|link| (spec.name, output(link)))).collect();
-        // A node may pass on what is silent for a reason that it knows, such as contacts of an amplitude of 0.
+        // A node may pass on what is silent for a known reason, such as contacts of an amplitude of 0.
         let quiet = |link: Output| self.is_active(link) == Some(false) || self.reason(link.0).is_some();
         let (silent, heard): (Vec<_>, Vec<_>) = links.into_iter().partition(|(_, link)| quiet(*link));
         let zeros = node.ty.zeros(&*node.params);
@@ -200,7 +200,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// What can be said of any node: what it read, and its figures.
+    /// Reason that applies to any node: its inputs, and its figures.
     fn generic(&self, n: usize, heard: &[(&str, Output)]) -> String {
         let node = &self.graph.nodes[n];
         if node.ty.family == "live" {
@@ -210,11 +210,11 @@ impl<'a> Search<'a> {
         let mut names: Vec<&str> = heard.iter().map(|(name, _)| *name).collect();
         names.dedup();
         let read = match &names[..] {
-            [] => "it gives nothing".to_owned(),
-            names => format!("nothing comes of what arrives at `{}`", names.join("`, `")),
+            [] => "it outputs nothing".to_owned(),
+            names => format!("it outputs nothing from its input at `{}`", names.join("`, `")),
         };
         if self.period == Period::Stretch {
-            return if names.is_empty() { "it gives nothing in this time".to_owned() } else { read };
+            return if names.is_empty() { "it outputs nothing in this time".to_owned() } else { read };
         }
         let figures = self.reports[n].summary.iter().filter(|(_, value)| value.is_number());
         let figures: Vec<String> = figures.map(|(key, value)| format!("{key} {value}")).collect();

@@ -18,7 +18,7 @@ use foley_nodes::core::stage::{Stage, StageNode};
 use foley_nodes::core::time::Tick;
 use std::sync::{Arc, LazyLock};
 
-/// Runs work on a thread of its own; if there can be none it is dropped, and whoever waits for its result learns so from the channel.
+/// Runs work on a thread of its own; without a thread the work is dropped, and the receiver of its result finds the channel closed.
 static BACKGROUND: LazyLock<Background> = LazyLock::new(|| {
     Arc::new(|work| drop(std::thread::Builder::new().name("background".into()).spawn(work)))
 });
@@ -41,7 +41,7 @@ pub struct BuildSite<'a> {
     pub seed: u64,
     /// Watches long computations.
     pub monitor: &'a Monitor<'a>,
-    /// What interrupted computations left.
+    /// Partial results of interrupted computations.
     pub partial: &'a dyn Partial,
 }
 

@@ -77,7 +77,7 @@ pub struct StreamChart {
 foley_nodes::impl_state!(StreamChart { each lines, first });
 
 impl StreamChart {
-    /// A chart of a stream of which nothing has come.
+    /// An empty chart of a stream.
     #[must_use]
     pub fn new(title: String, rate: Rate, columns: Columns) -> Self {
         let lines = columns.names().iter().map(|_| Extremes::default()).collect();

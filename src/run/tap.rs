@@ -28,7 +28,7 @@ pub enum TapTarget {
     File(PathBuf),
     /// Into memory, as it is.
     Memory(Arc<dyn MemoryTap>),
-    /// Into memory, as far as its node runs for others: see [`PlanOptions::observed`](crate::plan::PlanOptions::observed).
+    /// Into memory, if its node runs for others: see [`PlanOptions::observed`](crate::plan::PlanOptions::observed).
     Observer(Arc<dyn MemoryTap>),
 }
 

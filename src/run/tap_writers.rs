@@ -65,7 +65,7 @@ pub fn writer(job: &Job<'_>, k: usize) -> Result<Box<dyn DynNode>, Diagnostic> {
 /// Writes the tapped values when the run has ended.
 ///
 /// # Errors
-/// When a file cannot be written, or a type has no such file format.
+/// If a file cannot be written, or a type has no such file format.
 pub fn write_values(job: &Job<'_>, values: &Values) -> Result<(), Vec<Diagnostic>> {
     let mut errors = Vec::new();
     for tap in job.taps {

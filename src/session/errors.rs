@@ -8,7 +8,7 @@ use std::fmt;
 pub struct Errors {
     /// The diagnostics, in the order of the text.
     pub diagnostics: Vec<Diagnostic>,
-    /// What nodes note about their files: the id of each, and a text.
+    /// Notes of nodes about their files: the id of each node, and a text.
     pub notes: Vec<(String, String)>,
     /// The texts.
     pub sources: Sources,

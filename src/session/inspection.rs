@@ -1,11 +1,11 @@
-//! What is known of a graph without running it.
+//! Facts about a graph that are known without running it.
 
 use super::Errors;
 use crate::graph::{Asked, Graph};
 use foley_nodes::core::shape::NodeShape;
 use foley_nodes::core::time::Tick;
 
-/// A graph as far as it is valid, and all that is wrong with it.
+/// The valid part of a graph, and all its errors.
 #[derive(Debug)]
 pub struct Inspection {
     /// Errors, warnings, and notes of the nodes.

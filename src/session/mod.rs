@@ -24,10 +24,10 @@ use foley_nodes::registry::Registry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Runs a graph file with its own settings, and leaves what it writes in a folder; [`Session`] has all settings.
+/// Runs a graph file with its own settings, and writes its outputs into a folder; [`Session`] has all settings.
 ///
 /// # Errors
-/// All that is wrong with the graph, or the faults of the nodes that failed; nothing is left in the folder then.
+/// All errors of the graph, or the faults of the nodes that failed; no output is left in the folder then.
 ///
 /// # Example
 ///
@@ -84,7 +84,7 @@ pub struct Session {
     until: Option<Tick>,
     taps: Vec<String>,
     memory_taps: Vec<(String, Arc<dyn MemoryTap>)>,
-    /// Ids of the nodes that write, of which the run is made besides the taps; `None` for the whole graph.
+    /// Ids of the nodes that write and that the run computes besides the taps; `None` for the whole graph.
     only: Option<Vec<String>>,
     /// True to trace where the sound is lost.
     trace: bool,
@@ -187,7 +187,7 @@ impl Session {
         self.memory_taps.push((output.into(), Arc::clone(tap) as _));
     }
 
-    /// Runs nothing but what the taps and the nodes `ends` need: other files of the graph are not written.
+    /// Runs only the nodes that the taps and the nodes `ends` need: other files of the graph are not written.
     #[must_use]
     pub fn with_only(mut self, ends: impl IntoIterator<Item = impl Into<String>>) -> Self {
         self.only = Some(ends.into_iter().map(Into::into).collect());
@@ -250,7 +250,7 @@ impl Session {
         &self.progress
     }
 
-    /// Reads and checks the graph. The nodes of a graph that cannot run are shaped as well, so that all that is wrong with
+    /// Reads and checks the graph. The nodes of a graph that cannot run are shaped as well, so that all errors of
     /// them is found in one pass.
     #[must_use]
     pub fn load(&self) -> (Loaded, DirFiles) {
@@ -336,7 +336,7 @@ impl Session {
         Preparation { prepared, diagnostics, sources: loaded.sources, asked }
     }
 
-    /// All errors and warnings of the graph, and what its nodes note about their files, found without running it.
+    /// All errors and warnings of the graph, and the notes of its nodes about their files, found without running it.
     ///
     /// A graph without an end is not wrong: it may be meant to be played.
     #[must_use]
@@ -344,7 +344,7 @@ impl Session {
         self.inspect().errors
     }
 
-    /// What [`Session::check`] finds, with the graph itself, or its valid part, and the shapes of its nodes: for editors.
+    /// Results of [`Session::check`], with the graph itself or its valid part, and the shapes of its nodes: for editors.
     #[must_use]
     pub fn inspect(&self) -> Inspection {
         let (loaded, files, mut shapes) = self.load_shaped();
@@ -375,7 +375,7 @@ impl Session {
     /// Runs the graph to its end; its files appear below `folder`, all of them or none.
     ///
     /// # Errors
-    /// All that is wrong with the graph, or the faults of the nodes that failed.
+    /// All errors of the graph, or the faults of the nodes that failed.
     pub fn render(&self, folder: impl AsRef<Path>) -> Result<Report, Errors> {
         self.prepare().into_result()?.render(folder.as_ref())
     }
@@ -404,7 +404,7 @@ impl Session {
     /// Starts to play the graph: the callback belongs to the host, which fills its buffers with it.
     ///
     /// # Errors
-    /// All that is wrong with the graph, as far as it has to play.
+    /// All errors of the parts of the graph that play.
     pub fn play(&self, inputs: Arc<dyn Inputs>, options: Options) -> Result<(Player, Callback), Errors> {
         let graph = self.live_graph(inputs)?;
         let sources = graph.graph.sources.clone();

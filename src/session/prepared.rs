@@ -20,7 +20,7 @@ pub struct Prepared {
     pub plan: Plan,
     /// Outputs to write to files.
     pub taps: Vec<Tap>,
-    /// What observes the outputs, if it is traced where the sound is lost.
+    /// Observers of the outputs, if the run traces where sound is lost.
     pub trace: Option<Trace>,
     /// Number of threads that compute.
     pub threads: usize,

@@ -4,7 +4,7 @@ use crate::lang::{Value, ValueKind};
 use crate::probe::figure;
 use std::fmt;
 
-/// Relative difference up to which a number is the one that is written.
+/// Relative difference up to which a number equals the written one.
 const SAME: f64 = 1e-6;
 
 /// A number, or a range with one or two ends.
@@ -20,7 +20,7 @@ impl Bounds {
     /// The number or range of a value: `3`, `3..5`, `3..=5`, `..-1.0`, `0.5..`.
     ///
     /// # Errors
-    /// What would be right.
+    /// A text that states which values are valid.
     pub fn read(value: &Value) -> Result<Self, String> {
         if let Some(x) = value.as_f64() {
             return Ok(Self { low: Some(x), high: Some(x), below: false });
@@ -38,7 +38,7 @@ impl Bounds {
         if low.zip(high).is_some_and(|(low, high)| low > high) {
             return Err("a range whose end is not below its start".to_owned());
         }
-        // Of measured numbers the ends belong to the range: nobody can tell them apart.
+        // The ends of a range of measured numbers belong to it: a difference could not be measured.
         let whole = range.end.as_ref().is_some_and(|end| end.as_int().is_some());
         Ok(Self { low, high, below: whole && !range.inclusive && low != high })
     }

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 /// Code of mistakes in a test file.
 pub(super) const CODE: &str = "F086";
 
-/// What a check compares.
+/// Quantity that a check compares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Largest magnitude of audio.
@@ -45,7 +45,7 @@ pub enum Kind {
     Value,
     /// The samples of a file.
     SameAs,
-    /// What an earlier run gave.
+    /// The result of an earlier run.
     Stored,
     /// A second run with another window gives the same.
     Repeats,
@@ -92,11 +92,11 @@ pub enum Field {
 pub struct CheckSpec {
     /// Its name in a test file.
     pub name: &'static str,
-    /// What it compares.
+    /// Quantity that it compares.
     pub kind: Kind,
     /// Names, types, and true for fields that must be given.
     pub fields: &'static [(&'static str, Given, bool)],
-    /// What it checks, in one line.
+    /// Its description, in one line.
     pub text: &'static str,
 }
 
@@ -126,7 +126,7 @@ pub const CHECKS: &[CheckSpec] = checks![
     Numbers, "smallest and largest number": [("between", Given::Bounds, true), DURING];
     Value, "a field of a value": [("at", Given::Text, false), ("is", Given::Any, true)];
     SameAs, "the samples of a file": [("file", Given::Text, true), ("below", Given::Level, false)];
-    Stored, "what `foley test --write` stored": [("digest", Given::Text, false), ("file", Given::Text, false), ("below", Given::Level, false)];
+    Stored, "the result stored by `foley test --write`": [("digest", Given::Text, false), ("file", Given::Text, false), ("below", Given::Level, false)];
     Repeats, "a second run with another window and one thread gives the same": [];
     SameForSeeds, "other seeds give the same": [("seeds", Given::Seeds, true), ("below", Given::Level, false)];
 ];
@@ -134,11 +134,11 @@ pub const CHECKS: &[CheckSpec] = checks![
 /// A check of a test file.
 #[derive(Clone, Debug)]
 pub struct Check {
-    /// What it compares.
+    /// Quantity that it compares.
     pub kind: Kind,
     /// Its name.
     pub name: &'static str,
-    /// Its place in the file.
+    /// Its location in the file.
     pub span: Span,
     /// Its fields.
     pub fields: BTreeMap<&'static str, Field>,
@@ -262,7 +262,7 @@ impl Given {
     /// Reads a field.
     ///
     /// # Errors
-    /// What would be right.
+    /// A text that states which values are valid.
     fn read(self, value: &Value) -> Result<Field, String> {
         let numbers = || value.as_list()?.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>();
         match self {

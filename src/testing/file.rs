@@ -27,7 +27,7 @@ pub struct TestFile {
     pub cases: Vec<Case>,
 }
 
-/// A run of the graph, and what is expected of it.
+/// A run of the graph, and the expected outputs.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Its name.
@@ -38,16 +38,16 @@ pub struct Case {
     pub seed: Option<u64>,
     /// End of the run, s.
     pub until: Option<f64>,
-    /// What is expected of each output.
+    /// Expectations of each output.
     pub outputs: Vec<Expected>,
 }
 
-/// What is expected of an output.
+/// Expectations of an output.
 #[derive(Clone, Debug)]
 pub struct Expected {
     /// A file that the graph writes, or `NODE.PORT`.
     pub output: String,
-    /// Its place in the file.
+    /// Its location in the file.
     pub span: Span,
     /// The checks.
     pub checks: Vec<Check>,
@@ -92,7 +92,7 @@ impl TestFile {
 }
 
 impl TestFile {
-    /// Every mistake in the text of a test file, for editors; the places are in file 0.
+    /// Every mistake in the text of a test file, for editors; their locations are in file 0.
     #[must_use]
     pub fn mistakes(text: &str) -> Vec<Diagnostic> {
         Reader { text, file: 0, errors: Vec::new() }.read().err().unwrap_or_default()
@@ -126,7 +126,7 @@ impl Reader<'_> {
                 let message = format!("schema {:?} is not that of a test file", schema.value);
                 self.error(message, schema.span(), right);
             }
-            None => self.error("the file does not say which schema it follows", 0..0, right),
+            None => self.error("the file does not state its schema", 0..0, right),
         }
         let mut cases = Vec::new();
         if let Some(value) = document.value.filter(|value| !value.is_error()) {

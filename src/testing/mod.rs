@@ -1,6 +1,6 @@
 //! Checks that are written beside a graph: for `piece.ron` the file `piece.test.ron`.
 //!
-//! [`TestFile`] is read with every mistake at its place, [`run`] runs its cases in memory, and [`judge`] compares what came out with
+//! [`TestFile`] is read with the location of every mistake, [`run`] runs its cases in memory, and [`judge`] compares the outputs with
 //! what a check expects.
 
 mod bounds;

@@ -1,4 +1,4 @@
-//! What came out of an output, as a whole.
+//! The whole content of an output.
 
 use crate::run::Observer;
 use foley_nodes::core::item::{AnyValue, StreamShape};
@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::io::Cursor;
 use std::path::Path;
 
-/// What came out of an output.
+/// The whole content of an output.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Recording {
     /// Audio.
@@ -66,7 +66,7 @@ impl Samples {
     /// A WAV file of 32-bit floats.
     ///
     /// # Errors
-    /// When there is no such file, such as one of thousands of channels.
+    /// If there is no such file format, as for thousands of channels.
     pub fn wav(&self) -> Result<Vec<u8>, String> {
         let mut file = Cursor::new(Vec::new());
         let spec = WriteSpec::new(self.rate.round() as u32, self.width, WriteFormat::Float32);
@@ -163,7 +163,7 @@ impl Recorder {
         Self(None)
     }
 
-    /// What has come.
+    /// The content so far.
     #[must_use]
     pub fn recording(&self) -> Recording {
         match &self.0 {

@@ -20,13 +20,13 @@ const OTHER_WINDOW: f64 = 0.0071;
 /// Settings of all cases.
 #[derive(Clone, Debug)]
 pub struct Runner {
-    /// How graphs are loaded.
+    /// Options with which graphs are loaded.
     pub options: LoadOptions,
     /// Threads that compute; all cores if `None`.
     pub threads: Option<usize>,
 }
 
-/// Why a case could not be run: mistakes in the graph or the test file, or faults of nodes.
+/// Reason for which a case could not be run: mistakes in the graph or the test file, or faults of nodes.
 #[derive(Clone, Debug)]
 pub struct CaseError {
     /// The mistakes.
@@ -41,10 +41,10 @@ impl From<Errors> for CaseError {
     }
 }
 
-/// What a check would store.
+/// Content that a check stores.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stored {
-    /// A digest in the test file: the place of its check, and the digest.
+    /// A digest in the test file: the location of its check, and the digest.
     Digest(Span, String),
     /// A file.
     File(PathBuf, Vec<u8>),
@@ -57,15 +57,15 @@ pub struct CheckResult {
     pub output: String,
     /// The check, with its time.
     pub check: String,
-    /// Its place in the test file.
+    /// Its location in the test file.
     pub span: Span,
     /// The result.
     pub verdict: Verdict,
-    /// What `--write` would store, if that is something else than what is stored.
+    /// Content that `--write` would store, if it differs from the stored content.
     pub stored: Option<Stored>,
 }
 
-/// Where the content of an output comes from.
+/// Source of the content of an output.
 #[derive(Clone, Debug)]
 enum Source {
     /// A file of the graph: the node that writes it, and its path.
@@ -74,14 +74,14 @@ enum Source {
     Output,
 }
 
-/// One run: what differs from the case as it is written.
+/// One run: its differences from the case as it is written.
 #[derive(Clone, Copy, Debug, Default)]
 struct Variant {
     seed: Option<u64>,
     other_window: bool,
 }
 
-/// Finds what the name of an output stands for.
+/// Finds the file or output that a name refers to.
 fn source(graph: &Graph, expected: &Expected, file: usize) -> Result<Source, Diagnostic> {
     let wanted = output_path(&expected.output).ok();
     let files = graph
@@ -127,7 +127,7 @@ impl Runner {
         session
     }
 
-    /// Runs a case, and returns what came out of each output.
+    /// Runs a case, and returns the content of each output.
     fn record(
         &self,
         file: &TestFile,
@@ -168,7 +168,7 @@ impl Runner {
 /// Runs the checks of a case for which `wanted` is true; `file_number` is the test file in `sources`.
 ///
 /// # Errors
-/// When the graph or the test file is wrong, or a node fails.
+/// If the graph or the test file is wrong, or a node fails.
 pub fn run(
     runner: &Runner,
     (file, sources, file_number): (&TestFile, &Sources, usize),
@@ -291,7 +291,7 @@ fn same_as_file(own: &Recording, path: &Path, check: &Check) -> Verdict {
     }
 }
 
-/// Compares with what is stored, and returns what to store in its place.
+/// Compares with the stored content, and returns the content to store in its place.
 fn stored(own: &Recording, folder: &Path, check: &Check) -> (Verdict, Option<Stored>) {
     let missing = || Verdict::new(false, "nothing stored", "a stored result: run it with --write");
     if let Some(name) = check.text("file") {

@@ -1,4 +1,4 @@
-//! Compares what came out of an output with what a check expects.
+//! Compares the content of an output with the expectation of a check.
 
 use super::bounds::Bounds;
 use super::checks::{Check, Field, Kind};
@@ -22,9 +22,9 @@ const MAX_TIMES: usize = 12;
 pub struct Verdict {
     /// True if it holds.
     pub passed: bool,
-    /// What was found.
+    /// The measured value.
     pub found: String,
-    /// What was expected.
+    /// The expected value.
     pub expected: String,
 }
 

@@ -24,21 +24,21 @@ use std::process::Command;
 pub struct Block {
     /// `PAGE:LINE`, for messages.
     pub at: String,
-    /// What the comment before it says.
+    /// Directive of the comment before it.
     pub mark: Mark,
     pub language: String,
     pub text: String,
 }
 
 impl Block {
-    /// A mark without a text.
+    /// A directive without a text.
     fn of_mark(mark: Mark, page: &str, line: usize) -> Self {
         let at = format!("{page}:{}", line + 1);
         Self { at, mark, language: String::new(), text: String::new() }
     }
 }
 
-/// What a comment says of a block.
+/// Directive of a comment for a block.
 #[derive(Clone, PartialEq)]
 pub enum Mark {
     None,
@@ -194,7 +194,7 @@ impl Reader {
         self.shell("foley probe probe.ron it")
     }
 
-    /// Runs commands and returns what they print.
+    /// Runs commands and returns their output.
     pub fn shell(&self, commands: &str) -> Result<String, String> {
         let binary = Path::new(env!("CARGO_BIN_EXE_foley")).parent().unwrap();
         let path = std::env::var_os("PATH").unwrap_or_default();
@@ -324,7 +324,7 @@ fn sound(from: &Path, to: &Path) {
     write_wav(to, 1, rate, samples.into_iter().map(|x| (x * 32_767.0) as i16));
 }
 
-/// The first line of an excerpt that is not in what was printed. Numbers agree within 1 %.
+/// The first line of an excerpt that is not in the output. Numbers agree within 1 %.
 pub fn missing<'a>(excerpt: &'a str, printed: &str) -> Option<&'a str> {
     let lines: Vec<&str> = printed.lines().collect();
     excerpt.lines().find(|line| {
@@ -364,7 +364,7 @@ fn same(a: &str, b: &str) -> bool {
     }
 }
 
-/// Follows a page from its begin to its end, and lists what does not come out as it says.
+/// Follows a page from its begin to its end, and lists the differences from the page.
 pub fn follow(name: &str, page: &str, long: bool) -> Vec<String> {
     let mut reader = Reader::new();
     let (mut printed, mut folder) = (String::new(), String::new());

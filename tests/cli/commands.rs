@@ -90,7 +90,7 @@ Graph(nodes: {
 }
 
 #[test]
-fn a_report_without_a_place_is_told_before_the_run() {
+fn a_report_that_cannot_be_written_is_refused_before_the_run() {
     let dir = project(TONE);
     let run = foley(dir.path(), &["run", "tone.ron", "--report", "tone.ron/report.json"]);
     assert_ne!(code(&run), 0);

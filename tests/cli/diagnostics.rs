@@ -84,7 +84,7 @@ fn findings(path: &Path) -> (Vec<Diagnostic>, Sources) {
 }
 
 #[test]
-fn every_case_is_told_as_its_text_has_it() {
+fn every_case_is_reported_as_its_text_states() {
     let bless = std::env::var_os("FOLEY_BLESS").is_some();
     let mut wrong = Vec::new();
     for path in cases() {
@@ -157,7 +157,7 @@ fn all_errors_of_a_file_come_in_one_pass() {
 }
 
 #[test]
-fn errors_of_the_text_and_of_the_plan_come_in_one_pass_and_what_follows_from_them_is_not_told() {
+fn errors_of_the_text_and_of_the_plan_come_in_one_pass_without_those_that_follow_from_them() {
     let (found, _) = findings(&Path::new(CASES).join("text_and_plan_at_once.ron"));
     let reported: Vec<_> = found.iter().map(|d| (d.code, d.node.as_deref().unwrap_or_default())).collect();
     let wanted = [
@@ -175,7 +175,7 @@ fn errors_of_the_text_and_of_the_plan_come_in_one_pass_and_what_follows_from_the
 }
 
 #[test]
-fn loops_that_share_a_node_are_told_each() {
+fn loops_that_share_a_node_are_each_reported() {
     let (found, _) = findings(&Path::new(CASES).join("f025_knot.ron"));
     let mut reported: Vec<&str> = found.iter().filter_map(|d| d.message.rsplit(": ").next()).collect();
     reported.sort();
@@ -306,7 +306,7 @@ fn json_has_all_fields_for_every_case() {
 }
 
 #[test]
-fn a_graph_that_is_right_is_told_nothing() {
+fn a_valid_graph_has_no_diagnostics() {
     let template = foley::cli::template("wind");
     let (name, text) = &template[0];
     let loaded = load_text(name, text, Path::new(name), &LoadOptions::default());

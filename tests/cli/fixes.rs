@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-/// What `foley check` says of a graph whose nodes are `nodes`, in a project with the recording `data/take.wav` of 0.489 s.
+/// Output of `foley check` on a graph whose nodes are `nodes`, in a project with the recording `data/take.wav` of 0.489 s.
 fn check(nodes: &str) -> String {
     let dir = tempfile::tempdir().unwrap();
     fs::create_dir_all(dir.path().join("data")).unwrap();

@@ -11,7 +11,7 @@ Graph(nodes: {
 })
 ";
 
-/// What `foley run` prints about the graph with values that are set, and the peak of its sound.
+/// Output of `foley run` on the graph with values that are set, and the peak of its sound.
 fn run(out: &str, sets: &[&str]) -> (String, f64) {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("g.ron"), GRAPH.replace("NODE", out)).unwrap();
@@ -42,11 +42,11 @@ fn a_sound_28_times_full_scale_names_a_level_that_does_not_clip() {
 }
 
 #[test]
-fn a_sound_of_which_hardly_anything_is_heard_is_noted() {
+fn a_barely_audible_sound_is_noted() {
     let (text, peak) = run("WavOut(audio: \"loud\", path: \"o.wav\")", &["loud.gain=0.0005"]);
-    assert!(peak < 0.001 && text.contains("of which hardly anything is heard: set `db: "), "{text}");
+    assert!(peak < 0.001 && text.contains("which is barely audible: set `db: "), "{text}");
     let (text, _) = run("WavOut(audio: \"loud\", path: \"o.wav\")", &["loud.gain=0.01"]);
-    assert!(!text.contains("hardly"), "{text}");
+    assert!(!text.contains("barely"), "{text}");
 }
 
 #[test]

@@ -26,7 +26,7 @@ fn project() -> (tempfile::TempDir, PathBuf) {
     (base, path)
 }
 
-/// Runs a graph in a folder with values from the command line; whether it succeeded, and its errors.
+/// Runs a graph in a folder with values from the command line; returns true if it succeeded, and its errors.
 fn run(base: &Path, graph: &str, sets: &[&str]) -> (bool, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_foley"));
     command.current_dir(base.join("piece")).env("HOME", base.join("home"));

@@ -13,7 +13,7 @@ fn peak(project: &Path, name: &str) -> f64 {
     let graph = format!("{name}.ron");
     let checked = foley(project, &["check", &graph]);
     assert!(checked.status.success(), "{name}: {}", String::from_utf8_lossy(&checked.stderr));
-    assert!(foley(project, &["fmt", "--check", &graph]).status.success(), "{name} is not laid out");
+    assert!(foley(project, &["fmt", "--check", &graph]).status.success(), "{name} is not formatted");
     let run = foley(project, &["run", &graph, "--report", "report.json"]);
     let text = String::from_utf8_lossy(&run.stdout).into_owned();
     assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
@@ -79,7 +79,7 @@ fn an_animation_and_recordings_become_a_project_without_reading_outside_of_it() 
 }
 
 #[test]
-fn names_like_the_marks_of_a_template_stay_as_they_are() {
+fn names_like_the_placeholders_of_a_template_are_unchanged() {
     let dir = tempfile::tempdir().unwrap();
     let image = dir.path().join("TITLE_FILE_IMAGE.png");
     fs::copy(assets().join("images/tiles.png"), &image).unwrap();
@@ -137,7 +137,7 @@ fn wrong_files_leave_no_project() {
     let dir = tempfile::tempdir().unwrap();
     let image = asset("images/tiles.png");
     for (args, text) in [
-        (&["--mesh", "nothing.abc"][..], "nothing.abc is no file"),
+        (&["--mesh", "nothing.abc"][..], "nothing.abc is not a file"),
         (&["--template", "impact", "--image", &image], "`impact` has no use for --image"),
         (&["--image", &image, "--recordings", &image], "no template uses all of these files"),
         (&["--mesh", &image], "these files do not make a project"),

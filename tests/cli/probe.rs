@@ -1,4 +1,4 @@
-//! `foley probe`: what comes out of one output, and that nothing else runs.
+//! Tests that `foley probe` prints one output, and that no other node runs.
 
 use serde_json::Value;
 use std::fs;

@@ -1,4 +1,4 @@
-//! What the command refuses to wait for, to leave behind, or to send to a terminal.
+//! Tests that the command refuses to wait, to leave files behind, or to write to a terminal.
 
 #![cfg(unix)]
 

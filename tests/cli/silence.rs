@@ -1,4 +1,4 @@
-//! What is silent throughout a run says why, in the words of the run.
+//! Tests that nodes that are silent throughout a run report the reason, in the same words as the run.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -11,10 +11,10 @@ Graph(
     nodes: {
         "log": ContactLog(path: "contacts.csv", masses: [0.0, 1.0, 1.0]),
         "contacts": ContactClassifier(contacts: "log"),
-        "way": ContactPath(contacts: "contacts.states"),
+        "path": ContactPath(contacts: "contacts.states"),
         "image": ImageLuma(path: "tiles.png", depth: 0.001),
         "edges": SobelMap(luma: "image"),
-        "scrape": MapExcitation(paths: "way", map: "edges", rate: 44100),
+        "scrape": MapExcitation(paths: "path", map: "edges", rate: 44100),
         "strikes": ImpactForce(impacts: "contacts.impacts", rate: 44100),
         "modes": ModesFile(path: "bar.modes.csv"),
         "bank": ModalBank(forces: ["scrape", "strikes"], modes: "modes"),
@@ -72,9 +72,9 @@ fn what_is_heard_has_no_note() {
 
 #[test]
 fn a_wrong_pair_of_bodies_is_named_with_those_that_there_are() {
-    let text = run(true, &["way.a=2", "way.b=99"]);
+    let text = run(true, &["path.a=2", "path.b=99"]);
     assert!(
-        text.contains("note: way: silent throughout: no contact between 2 and 99; there are 1-2, 2-3"),
+        text.contains("note: path: silent throughout: no contact between 2 and 99; there are 1-2, 2-3"),
         "{text}"
     );
     let text = run(true, &["scrape.object=7"]);
@@ -102,7 +102,7 @@ fn a_strength_of_0_is_named() {
 
 #[test]
 fn a_log_in_which_nothing_slides_says_what_the_contacts_do() {
-    let text = run(false, &["way.unsteady=0.0"]);
-    assert!(text.contains("note: way: silent throughout: of "), "{text}");
+    let text = run(false, &["path.unsteady=0.0"]);
+    assert!(text.contains("note: path: silent throughout: of "), "{text}");
     assert!(text.contains(" static"), "{text}");
 }

@@ -21,7 +21,7 @@ Graph(
 )
 ";
 
-/// What a run with values prints from its trace on, and the trace of its report.
+/// Output of a run with values from its trace on, and the trace of its report.
 fn trace(sets: &[&str], more: &[&str]) -> (String, Value) {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("g.ron"), GRAPH).unwrap();

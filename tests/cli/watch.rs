@@ -242,7 +242,7 @@ fn a_graph_that_plays_outlives_a_broken_save() {
 }
 
 #[test]
-fn a_rerun_tells_what_was_kept_and_what_was_computed() {
+fn a_rerun_reports_what_was_kept_and_what_was_computed() {
     let graph = |peak: f64| {
         format!(
             "#![schema = \"foley:graph/1\"]\nGraph(nodes: {{

@@ -1,6 +1,6 @@
 //! The cloth graphs of the book's examples on every animation and every recording of cloth in the data beside the repository.
 //!
-//! What is not there is skipped. Those that take longer than half a minute run on demand:
+//! Files that are missing are skipped. Tests that take longer than half a minute run on demand:
 //! `cargo test --release --test suite cloth::data -- --include-ignored --nocapture`
 
 use crate::common::{foley, graphs, shared, wav};
@@ -121,7 +121,7 @@ const EXAMPLES: [Example; 10] = [
     Example { graph: "live.ron", wav: "live.wav", bodies: &["floor", "wall1", "wall2"], ..FRICTION },
 ];
 
-/// Arguments that put another cloth, and its bodies as far as there are nodes for them, into a graph.
+/// Arguments that put another cloth into a graph, and its bodies where the graph has nodes for them.
 fn replaced(cloth: &Path, bodies: &[PathBuf], example: &Example) -> Vec<String> {
     let Example { mesh, fps, others, .. } = example;
     let mut sets = vec![format!("{mesh}.path={}", cloth.display())];

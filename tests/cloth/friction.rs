@@ -94,7 +94,7 @@ fn the_level_of_friction_is_that_of_the_model_for_the_area_that_slides() {
     assert!(low > -3.0 && high < 3.0 && middle.abs() < 0.4, "{low} {middle} {high}");
 }
 
-/// Level of two sheets that slide on each other at 0.3 m/s, dB, with so many vertices to a side.
+/// Level of two sheets that slide on each other at 0.3 m/s, dB, with a number of vertices to a side.
 fn planes(vertices: usize) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let side = vertices.to_string();

@@ -47,7 +47,7 @@ fn run(graph: &str, folder: &Path, sets: &[&str]) -> Output {
 const UNMARKED: &str = "cotton.correspondences=graphs/assets/cloth/none.correspondences.ron";
 
 #[test]
-fn an_animation_of_one_frame_is_told_with_what_is_needed() {
+fn an_animation_of_one_frame_is_reported_with_what_is_needed() {
     let folder = tempfile::tempdir().unwrap();
     for (graph, sets, lift) in [
         ("friction.ron", &[][..], 0.0),
@@ -75,7 +75,7 @@ fn an_animation_without_contact_or_snap_is_silence_of_its_length_with_a_note_tha
     let folder = tempfile::tempdir().unwrap();
     sheet(folder.path(), 30, 0.0);
     for (graph, file, seconds, part) in [
-        ("friction.ron", "friction.wav", 0.5, "nothing ever slides"),
+        ("friction.ron", "friction.wav", 0.5, "nothing slides, so the sound of these speeds is silent"),
         ("crumple.ron", "crumple.wav", 1.1, "the cloth never snaps"),
     ] {
         let ran = run(graph, folder.path(), &[]);

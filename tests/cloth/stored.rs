@@ -44,7 +44,7 @@ fn warp_of(graph: &Path) -> Option<(&'static str, &'static str)> {
     Some((tap, name))
 }
 
-/// Taps with which [`check`] finds what an example makes of files that ship.
+/// Taps that write the artefacts of an example, which [`check`] compares with the files that ship.
 pub fn taps(graph: &Path) -> Vec<String> {
     warp_of(graph).into_iter().map(|(tap, _)| format!("{tap}={TAPPED}")).collect()
 }

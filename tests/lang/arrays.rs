@@ -67,7 +67,7 @@ fn mistakes_in_an_array_stand_at_their_items() {
     let gain = "\"g\": Gain(audio: \"v.*.tone\"), \"o\": WavOut(audio: \"g\", path: \"o.wav\")";
     let (code, text, help) = wrong(ARRAY, gain);
     assert_eq!((code, &*text), ("F020", "\"v.*.tone\""));
-    assert!(help.contains("stands for all items"), "{help}");
+    assert!(help.contains("means all items"), "{help}");
     let (code, text, _) = wrong(ARRAY, &MIX.replace("v.1", "v.7"));
     assert_eq!((code, &*text), ("F020", "\"v.7.tone\""));
     // Rates that do not meet: the place of the link, not of another item.

@@ -30,7 +30,7 @@ fn sound(session: &mut Session) -> Vec<f32> {
     tap.take().unwrap().data
 }
 
-/// Codes and messages of what is wrong.
+/// Codes and messages of the mistakes.
 fn found(session: &Session) -> Vec<(&'static str, String)> {
     session.check().diagnostics.into_iter().map(|d| (d.code, d.message)).collect()
 }

@@ -42,7 +42,7 @@ fn assert_spans(text: &str, document: &foley::lang::Document, whole: bool) {
     });
 }
 
-/// Our value as far as `ron` passes it to a visitor.
+/// Our value, with what `ron` passes of it to a visitor.
 fn plain(value: &Value) -> Plain {
     let all = |values: &[Value]| Plain::Seq(values.iter().map(plain).collect());
     let text = |text: &str| Plain::Str(text.to_owned());

@@ -42,7 +42,7 @@ fn samples(path: &Path) -> (Vec<f32>, u32) {
 }
 
 #[test]
-fn blows_from_lines_and_from_osc_are_heard_in_the_file_that_was_played() {
+fn impacts_from_lines_and_from_osc_are_heard_in_the_file_that_was_played() {
     let folder = tempfile::tempdir().unwrap();
     let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {
         \"hits\": LiveImpacts(channel: \"hits\"),
@@ -68,15 +68,15 @@ fn blows_from_lines_and_from_osc_are_heard_in_the_file_that_was_played() {
     assert_eq!(foley::live::Levels::beside(&main), None);
     let (heard, rate) = samples(&folder.path().join("played.wav"));
     assert!((heard.len() as f64 / f64::from(rate) - 3.0).abs() < 1.0, "{} samples", heard.len());
-    let mut blows = 0;
+    let mut impacts = 0;
     let mut quiet = 1000;
     for x in &heard {
         if *x > 0.0 && quiet >= 1000 {
-            blows += 1;
+            impacts += 1;
         }
         quiet = if *x == 0.0 { quiet + 1 } else { 0 };
     }
-    assert_eq!(blows, 2);
+    assert_eq!(impacts, 2);
     let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     let messages = &report["messages"];
@@ -114,19 +114,19 @@ fn contacts_from_lines_and_from_osc_strike_and_end_when_their_sender_stalls() {
     socket.send_to(&packet, ("127.0.0.1", port)).unwrap();
     assert!(child.wait().unwrap().success());
     let (heard, _) = samples(&folder.path().join("played.wav"));
-    let mut blows: Vec<f32> = Vec::new();
+    let mut impacts: Vec<f32> = Vec::new();
     let mut quiet = 1000;
     for x in &heard {
         if *x > 0.0 && quiet >= 1000 {
-            blows.push(0.0);
+            impacts.push(0.0);
         }
         quiet = if *x == 0.0 { quiet + 1 } else { 0 };
-        if let Some(peak) = blows.last_mut() {
+        if let Some(peak) = impacts.last_mut() {
             *peak = peak.max(*x);
         }
     }
-    assert_eq!(blows.len(), 2, "two at once, and one later: {blows:?}");
-    assert!((blows[0] / blows[1] - 2.0).abs() < 0.1, "{blows:?}");
+    assert_eq!(impacts.len(), 2, "two at once, and one later: {impacts:?}");
+    assert!((impacts[0] / impacts[1] - 2.0).abs() < 0.1, "{impacts:?}");
     let report = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     let messages = &report["messages"];
@@ -265,7 +265,7 @@ fn the_log_that_ships_plays_at_its_times_as_standard_input() {
 }
 
 #[test]
-fn meshes_are_taken_at_their_port_and_a_wrong_one_is_told_of() {
+fn meshes_are_taken_at_their_port_and_a_wrong_one_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     let text = "#![schema = \"foley:graph/1\"]\nGraph(nodes: {

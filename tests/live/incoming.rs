@@ -1,4 +1,4 @@
-//! What comes in while a graph plays and is heard: contacts and meshes.
+//! Tests of input that arrives while a graph plays and that becomes audible: contacts and meshes.
 
 use super::stand::{OUT, Stand, graph};
 use crate::common;

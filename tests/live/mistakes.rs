@@ -1,4 +1,4 @@
-//! Messages that reach nothing, sound that is too loud and silence, as whoever plays is told.
+//! Reports of messages without a receiver, of sound beyond full scale, and of silence.
 
 use rosc::{OscMessage, OscPacket, OscType, encoder::encode};
 use std::fs;
@@ -18,20 +18,20 @@ Graph(params: { \"object\": None }, nodes: {
 })
 ";
 
-/// What a session has printed on standard output and standard error, and its report.
-struct Told {
+/// Standard output and standard error of a session, and its report.
+struct Outcome {
     out: String,
     err: String,
     report: serde_json::Value,
 }
 
 /// Plays the graph while `act` gets the socket of a sender and standard input.
-fn play(arguments: &[&str], act: impl FnOnce(&dyn Fn(&[u8]), &mut dyn Write)) -> Told {
+fn play(arguments: &[&str], act: impl FnOnce(&dyn Fn(&[u8]), &mut dyn Write)) -> Outcome {
     play_text(GRAPH, arguments, act)
 }
 
 /// As [`play`], for another graph; `later.csv` has impacts on object 0, and one on object 1 after 3 s.
-fn play_text(graph: &str, arguments: &[&str], act: impl FnOnce(&dyn Fn(&[u8]), &mut dyn Write)) -> Told {
+fn play_text(graph: &str, arguments: &[&str], act: impl FnOnce(&dyn Fn(&[u8]), &mut dyn Write)) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("main.ron"), graph).unwrap();
     let impacts = "time_s,velocity,mass,object\n0.1,1,0.1,0\n0.5,1,0.1,0\n1.5,1,0.1,0\n3,1,0.1,1\n";
@@ -57,7 +57,7 @@ fn play_text(graph: &str, arguments: &[&str], act: impl FnOnce(&dyn Fn(&[u8]), &
     let err = String::from_utf8_lossy(&run.stderr).into_owned();
     assert!(run.status.success(), "{err}");
     let report = fs::read_to_string(folder.path().join("r.json")).unwrap();
-    Told { out, err, report: serde_json::from_str(&report).unwrap() }
+    Outcome { out, err, report: serde_json::from_str(&report).unwrap() }
 }
 
 fn osc(address: &str, args: Vec<OscType>) -> Vec<u8> {
@@ -68,7 +68,7 @@ fn osc(address: &str, args: Vec<OscType>) -> Vec<u8> {
 fn messages_that_reach_nothing_are_named_once_and_counted() {
     let float = |x: f32| vec![OscType::Float(x)];
     let text = |x: &str| vec![OscType::String(x.into())];
-    let told = play(&["--for", "1.5"], |send, lines| {
+    let outcome = play(&["--for", "1.5"], |send, lines| {
         for _ in 0..3 {
             send(b"garbage");
             send(&osc("/fooley/hits", float(1.0)));
@@ -91,12 +91,12 @@ fn messages_that_reach_nothing_are_named_once_and_counted() {
         "control for \"level\": its node reads 1 of the 2 numbers",
         "control for \"nobody\": no node reads this channel",
     ] {
-        assert_eq!(told.err.matches(part).count(), 1, "{part}: {}", told.err);
+        assert_eq!(outcome.err.matches(part).count(), 1, "{part}: {}", outcome.err);
     }
     let line = "messages: 3 delivered; 12 malformed, 6 for no node, 3 of the wrong kind";
-    assert!(told.out.contains(line), "{}", told.out);
-    assert!(told.out.contains("nothing was heard"), "{}", told.out);
-    let counts = &told.report["messages"];
+    assert!(outcome.out.contains(line), "{}", outcome.out);
+    assert!(outcome.out.contains("the sound was silent"), "{}", outcome.out);
+    let counts = &outcome.report["messages"];
     let found = ["delivered", "malformed", "unclaimed", "wrong_kind", "not_set"]
         .map(|key| counts[key].as_u64().unwrap());
     assert_eq!(found, [3, 12, 6, 3, 0]);
@@ -104,35 +104,35 @@ fn messages_that_reach_nothing_are_named_once_and_counted() {
 
 #[test]
 fn a_parameter_that_cannot_be_set_is_counted() {
-    let told = play(&["--for", "1"], |_, lines| {
+    let outcome = play(&["--for", "1"], |_, lines| {
         writeln!(lines, "{{\"set\": \"loud.gein\", \"value\": 1}}").unwrap();
         lines.flush().unwrap();
     });
-    assert!(told.err.contains("gein"), "{}", told.err);
-    assert_eq!(told.report["messages"]["not_set"], 1);
+    assert!(outcome.err.contains("gein"), "{}", outcome.err);
+    assert_eq!(outcome.report["messages"]["not_set"], 1);
 }
 
 #[test]
-fn a_sound_beyond_full_scale_is_told_with_a_gain_that_would_do() {
-    let told = play(&["--for", "1"], |_, lines| {
+fn a_sound_beyond_full_scale_is_reported_with_a_gain_that_would_do() {
+    let outcome = play(&["--for", "1"], |_, lines| {
         writeln!(lines, "{{\"control\": \"level\", \"values\": [10]}}").unwrap();
         lines.flush().unwrap();
     });
     assert_eq!(
-        told.err.matches("the sound exceeds full scale: its peak is 20.0 dB").count(),
+        outcome.err.matches("the sound exceeds full scale: its peak is 20.0 dB").count(),
         1,
         "{}",
-        told.err
+        outcome.err
     );
     let advice = "beyond full scale: its peak is 20.0 dB above full scale: set `db: -21.0` on `loud` (now 0)";
-    assert!(told.out.contains(advice), "{}", told.out);
-    assert!((told.report["peak"].as_f64().unwrap() - 10.0).abs() < 1e-3);
-    assert!(told.report["beyond_full_scale"].as_u64().unwrap() > 1000);
+    assert!(outcome.out.contains(advice), "{}", outcome.out);
+    assert!((outcome.report["peak"].as_f64().unwrap() - 10.0).abs() < 1e-3);
+    assert!(outcome.report["beyond_full_scale"].as_u64().unwrap() > 1000);
 }
 
 #[test]
 fn a_second_of_silence_with_impacts_of_another_object_is_explained_once() {
-    let told = play(&["--for", "4", "--set", "object=77"], |_, lines| {
+    let outcome = play(&["--for", "4", "--set", "object=77"], |_, lines| {
         let start = Instant::now();
         while start.elapsed() < Duration::from_secs(3) {
             writeln!(lines, "{{\"impact\": \"hits\", \"velocity\": 1, \"mass\": 0.1, \"object\": 1}}")
@@ -142,26 +142,26 @@ fn a_second_of_silence_with_impacts_of_another_object_is_explained_once() {
         }
     });
     let note = "note: force: silent: no impact has object 77; there are 1";
-    assert_eq!(told.err.matches(note).count(), 1, "{}", told.err);
-    assert_eq!(told.err.matches("note:").count(), 1, "{}", told.err);
-    assert_eq!(told.report["notes"][0]["node"], "force");
+    assert_eq!(outcome.err.matches(note).count(), 1, "{}", outcome.err);
+    assert_eq!(outcome.err.matches("note:").count(), 1, "{}", outcome.err);
+    assert_eq!(outcome.report["notes"][0]["node"], "force");
 }
 
 #[test]
 fn what_files_hold_for_later_needs_no_explanation() {
     let graph = GRAPH.replace("LiveImpacts(channel: \"hits\")", "ImpactFile(path: \"later.csv\")");
-    let told = play_text(&graph, &["--for", "2.5", "--set", "object=1"], |_, _| {});
-    assert!(!told.err.contains("note:"), "{}", told.err);
+    let outcome = play_text(&graph, &["--for", "2.5", "--set", "object=1"], |_, _| {});
+    assert!(!outcome.err.contains("note:"), "{}", outcome.err);
 }
 
 #[test]
 fn silence_without_messages_and_sound_need_no_explanation() {
-    let told = play(&["--for", "2.5"], |_, _| {});
-    assert!(!told.err.contains("note:"), "{}", told.err);
-    let told = play(&["--for", "2.5"], |_, lines| {
+    let outcome = play(&["--for", "2.5"], |_, _| {});
+    assert!(!outcome.err.contains("note:"), "{}", outcome.err);
+    let outcome = play(&["--for", "2.5"], |_, lines| {
         writeln!(lines, "{{\"control\": \"level\", \"values\": [0.25]}}").unwrap();
         lines.flush().unwrap();
     });
-    assert!(!told.err.contains("note:"), "{}", told.err);
-    assert!(told.out.contains("peak -12.0 dB of full scale"), "{}", told.out);
+    assert!(!outcome.err.contains("note:"), "{}", outcome.err);
+    assert!(outcome.out.contains("peak -12.0 dB of full scale"), "{}", outcome.out);
 }

@@ -23,7 +23,7 @@ ports! {
             audio: Stream<f32>,
         }
         out {
-            /// The last number, plus nothing or what is not finite.
+            /// The last number, plus 0 or a number that is not finite.
             sum: Stream<f32>,
         }
     }

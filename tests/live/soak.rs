@@ -69,7 +69,7 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
-/// What plays, and those that send to it.
+/// A playing graph, and the programs that send to it.
 struct Stage<'a> {
     folder: &'a Path,
     child: Child,
@@ -199,11 +199,11 @@ impl Stage<'_> {
     }
 }
 
-/// What a piece has left.
+/// Results of a piece.
 struct Outcome {
     samples: Vec<f32>,
-    /// What it wrote to standard error.
-    told: String,
+    /// Its standard error.
+    stderr: String,
     report: serde_json::Value,
     /// Seconds, and MB in memory then.
     sizes: Vec<(f64, f64)>,
@@ -219,9 +219,9 @@ impl Outcome {
         parts.map(|part| part.len() as f64 / 8000.0).filter(|s| *s > 0.5).collect()
     }
 
-    /// Number of gaps that standard error tells of.
+    /// Number of gaps that standard error reports.
     fn gaps_reported(&self) -> usize {
-        self.told.matches("nothing has come from the nodes").count()
+        self.stderr.matches("the nodes ahead of the callback have delivered nothing").count()
     }
 
     /// Median of the memory between two parts of the time, MB.
@@ -259,8 +259,8 @@ fn play(seconds: f64, mut act: impl FnMut(&mut Stage<'_>)) -> Outcome {
     let meshes = meshes.split(';').next().unwrap().trim().to_owned();
     // Both streams are read, so that they never fill.
     std::thread::spawn(move || std::io::copy(&mut reported, &mut std::io::sink()));
-    let told = Arc::new(Mutex::new(String::new()));
-    let (mut errors, sink) = (BufReader::new(child.stderr.take().unwrap()), Arc::clone(&told));
+    let stderr = Arc::new(Mutex::new(String::new()));
+    let (mut errors, sink) = (BufReader::new(child.stderr.take().unwrap()), Arc::clone(&stderr));
     let errors = std::thread::spawn(move || {
         let mut line = String::new();
         while errors.read_line(&mut line).is_ok_and(|n| n > 0) {
@@ -275,7 +275,7 @@ fn play(seconds: f64, mut act: impl FnMut(&mut Stage<'_>)) -> Outcome {
     let (start, mut sizes) = (Instant::now(), Vec::new());
     while start.elapsed().as_secs_f64() < seconds {
         act(&mut stage);
-        assert!(stage.child.try_wait().unwrap().is_none(), "it has ended: {}", told.lock().unwrap());
+        assert!(stage.child.try_wait().unwrap().is_none(), "it has ended: {}", stderr.lock().unwrap());
         sizes.push((start.elapsed().as_secs_f64(), memory(&stage.child) as f64 / 1024.0));
     }
     let Stage { mut child, lines, sender, .. } = stage;
@@ -285,8 +285,8 @@ fn play(seconds: f64, mut act: impl FnMut(&mut Stage<'_>)) -> Outcome {
     let ending = asked.elapsed();
     drop((lines, sender));
     errors.join().unwrap();
-    let told = told.lock().unwrap().clone();
-    assert!(status.success(), "{status}: {told}");
+    let stderr = stderr.lock().unwrap().clone();
+    assert!(status.success(), "{status}: {stderr}");
     let report = fs::read_to_string(folder.path().join("r.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
 
@@ -294,7 +294,7 @@ fn play(seconds: f64, mut act: impl FnMut(&mut Stage<'_>)) -> Outcome {
     fs::File::open(folder.path().join("played.wav")).unwrap().read_to_end(&mut wav).unwrap();
     let samples: Vec<f32> =
         hound::WavReader::new(&wav[..]).unwrap().samples::<f32>().map(Result::unwrap).collect();
-    Outcome { samples, told, report, sizes, ending }
+    Outcome { samples, stderr, report, sizes, ending }
 }
 
 #[test]
@@ -311,9 +311,9 @@ fn collapsed_frames_and_a_sender_that_stops_silence_no_piece() {
     });
     // On a machine that is busy with something else there may be gaps, which are reported; after them it sounds.
     let long = outcome.silences();
-    assert!(long.len() <= outcome.gaps_reported(), "{long:?} s of silence: {}", outcome.told);
+    assert!(long.len() <= outcome.gaps_reported(), "{long:?} s of silence: {}", outcome.stderr);
     let last = &outcome.samples[outcome.samples.len().saturating_sub(8000)..];
-    assert!(last.iter().any(|x| x.abs() > 0.01), "{long:?} s of silence: {}", outcome.told);
+    assert!(last.iter().any(|x| x.abs() > 0.01), "{long:?} s of silence: {}", outcome.stderr);
     assert!(outcome.report["messages"]["delivered"].as_u64().unwrap() > 30, "{}", outcome.report["messages"]);
 }
 
@@ -338,7 +338,7 @@ fn a_piece_plays_on_under_edits_floods_collapsed_frames_and_stops() {
         outcome.report["callback"]["worst_us"],
         outcome.report["missed"],
         outcome.report["messages"],
-        outcome.told.lines().count(),
+        outcome.stderr.lines().count(),
     );
     assert!((played - recorded).abs() < 1e-6, "all that was played is recorded");
     assert!(late < 1.1 * early, "memory grows from {early} to {late} MB");

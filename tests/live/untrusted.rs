@@ -253,7 +253,7 @@ fn a_process_that_is_stopped_for_a_while_records_all_that_it_plays() {
     drop(reported);
 }
 
-/// A limit of the size of files stands for a full disk.
+/// A limit of the size of files simulates a full disk.
 #[cfg(unix)]
 #[test]
 fn a_recording_that_the_disk_refuses_is_reported_at_once_and_kept_as_far_as_it_came() {

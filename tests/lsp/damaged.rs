@@ -20,7 +20,7 @@ const REQUESTS: [&str; 11] = [
     "codeAction",
 ];
 
-/// What is typed into texts.
+/// Pieces that are typed into texts.
 const PIECES: [&str; 20] = [
     "\"", "(", ")", "[", "]", "{", "}", ",", ":", "$", ".", "*", "/*", "//", "Gain(", "\"s.", "é😀", "Some(",
     "\n", "#![",

@@ -143,7 +143,7 @@ fn references_and_renames_reach_all_graphs() {
 }
 
 #[test]
-fn a_graph_that_extends_another_one_knows_its_nodes() {
+fn a_graph_that_extends_another_one_has_its_nodes() {
     let mut editor = project();
     let text = "#![schema = \"foley:graph/1\"]
 Graph(

@@ -4,7 +4,7 @@ use crate::common::{foley, npy, wav};
 use foley_nodes::likeness::{LikenessRules, Take, compare};
 use std::path::Path;
 
-/// Where each pair of samples of a run comes from: recording and time in s; and the report of the run.
+/// Recording and time in s of each pair of samples of a run, and the report of the run.
 fn positions(graph: &str, more: &[&str], folder: &Path) -> (Vec<(usize, f64)>, serde_json::Value) {
     let file = folder.join("positions.npy");
     let tap = format!("sound.positions={}", file.display());

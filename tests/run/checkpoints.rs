@@ -262,7 +262,7 @@ fn a_run_that_was_killed_resumes_and_one_of_another_graph_does_not() {
     child.wait().unwrap();
     assert_eq!(shell.named("out", ".part").len(), 1);
     let output_text = shell.finish(&[]);
-    assert!(output_text.contains("went on at "), "{output_text}");
+    assert!(output_text.contains("resumed at "), "{output_text}");
     assert!(shell.sound("out") == shell.sound("whole"), "not the same bits");
     assert_eq!(shell.named("out", "").len(), 1, "nothing else is left");
     assert!(shell.named(".foley/cache", ".run").is_empty());
@@ -272,7 +272,7 @@ fn a_run_that_was_killed_resumes_and_one_of_another_graph_does_not() {
     child.wait().unwrap();
     shell.edit(&LONG.replace("500.0", "600.0"));
     let output_text = shell.finish(&[]);
-    assert!(!output_text.contains("went on"), "{output_text}");
+    assert!(!output_text.contains("resumed at"), "{output_text}");
     assert!(shell.sound("out") != shell.sound("whole"));
     assert_eq!(shell.named("out", "").len(), 1, "the partial files of the earlier graph are removed");
 
@@ -284,7 +284,7 @@ fn a_run_that_was_killed_resumes_and_one_of_another_graph_does_not() {
     let soft = "\"soft\": Gain(audio: \"low\", gain: 0.5), \"high\": HighPass(audio: \"soft\",";
     shell.edit(&LONG.replace("\"high\": HighPass(audio: \"low\",", soft));
     let output_text = shell.finish(&[]);
-    assert!(!output_text.contains("went on"), "{output_text}");
+    assert!(!output_text.contains("resumed at"), "{output_text}");
     shell.finish(&["--no-cache", "--out", "soft"]);
     assert!(shell.sound("out") == shell.sound("soft"), "not the same bits");
 }
@@ -299,7 +299,7 @@ fn a_stopped_run_reports_where_it_resumes() {
     assert_eq!(output.status.code(), Some(75), "{output_text}");
     assert!(output_text.contains("F091") && output_text.contains("resumes at "), "{output_text}");
     let output_text = shell.finish(&["--report", "report.json"]);
-    assert!(output_text.contains("went on at "), "{output_text}");
+    assert!(output_text.contains("resumed at "), "{output_text}");
     let report = fs::read_to_string(shell.0.path().join("report.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert!(report["went_on_at"].as_f64().unwrap() > 0.0);

@@ -217,7 +217,7 @@ fn unusable_entries_are_computed_again_with_a_warning() {
 
 /// Only this program writes entries; a forged entry with a valid hash does not end a run.
 #[test]
-fn made_up_entries_with_fitting_hashes_are_told_or_taken_and_never_panic() {
+fn made_up_entries_with_fitting_hashes_are_reported_or_taken_and_never_panic() {
     let project = Project::new(MODEL);
     project.run();
     let path = &project.entries()[0];
@@ -386,7 +386,7 @@ fn why_names_the_parameter_that_has_changed() {
     assert!(text.contains("nothing that it depends on has changed"), "{text}");
     assert!(text.contains("soft.gain: 0.5 -> 0.25"), "{text}");
     let stream = foley(&project, &["cache", "why", "graph.ron", "soft"]);
-    assert!(stream.contains("no value that is kept") && stream.contains("measured"), "{stream}");
+    assert!(stream.contains("no values that can be cached") && stream.contains("measured"), "{stream}");
 }
 
 #[test]

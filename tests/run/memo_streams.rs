@@ -251,10 +251,10 @@ fn the_command_lists_cached_streams() {
         "{stat}"
     );
     let why = || foley(&project, &["cache", "why", "graph.ron", "contacts"]);
-    assert!(why().contains("contacts: kept"), "{}", why());
+    assert!(why().contains("contacts: cached"), "{}", why());
     project.edit(&MODEL.replace("radius: 0.02", "radius: 0.03"));
     let text = why();
-    assert!(text.contains("not kept") && text.contains("radius: 0.02 -> 0.03"), "{text}");
+    assert!(text.contains("not cached") && text.contains("radius: 0.02 -> 0.03"), "{text}");
 }
 
 /// A short fold, and a sound that does not depend on it but is mixed with what does.

@@ -14,7 +14,7 @@ fn samples(path: &Path) -> Vec<f32> {
     AudioReader::open(Box::new(File::open(path).unwrap())).unwrap().read_mono().unwrap()
 }
 
-/// A recording that ships, as far as it has whole units.
+/// A recording that ships, cut to a whole number of units.
 fn rustle() -> Vec<f32> {
     let mut all = samples(&common::graphs().join("assets/recordings/clothing_rustle_2.flac"));
     all.truncate(all.len() / 184 * 184);

@@ -11,7 +11,7 @@ use std::path::Path;
 
 const FS: f64 = 44_100.0;
 
-/// The sound of an example with other numbers, in windows of so many samples.
+/// The sound of an example with other numbers, in windows of `window` samples.
 fn sound(name: &str, numbers: &[(&str, &str)], seconds: f64, window: usize) -> Vec<f32> {
     sound_cached(name, numbers, seconds, window, None)
 }
@@ -119,9 +119,9 @@ Graph(
         "class": HistogramClass(luma: "image"),
         "edges": SobelMap(luma: "image"),
         "curves": Isophotes(luma: "image"),
-        "way": Stroke(shape: Circle, from: (0.2, 0.2), radius: 0.1, laps: 1.0, speed: 0.5),
-        "scrape": MapExcitation(paths: "way", map: "edges", rate: 44100),
-        "cross": IsophoteExcitation(paths: "way", isophotes: "curves", rate: 44100),
+        "path": Stroke(shape: Circle, from: (0.2, 0.2), radius: 0.1, laps: 1.0, speed: 0.5),
+        "scrape": MapExcitation(paths: "path", map: "edges", rate: 44100),
+        "cross": IsophoteExcitation(paths: "path", isophotes: "curves", rate: 44100),
         "modes": ModalFromRecording(recording: "glass.flac", impulse: 0.03),
         "glass": ModalBank(forces: ["scrape", "cross"], modes: "modes", gain: 1000.0),
         "out": WavOut(audio: "glass", path: "flat.wav", format: Float32),
@@ -180,7 +180,7 @@ fn two_surfaces_of_any_size_are_as_loud_on_all_levels() {
 }
 
 #[test]
-fn levels_of_detail_are_as_strong_along_another_way_as_along_those_they_were_matched_on() {
+fn levels_of_detail_are_as_strong_along_another_path_as_along_those_they_were_matched_on() {
     for image in ["sk_gravel", "sk_brick", "tiles"] {
         let dir = tempfile::tempdir().unwrap();
         let file = |name: &str| dir.path().join(format!("{name}.csv"));

@@ -130,7 +130,7 @@ impl Item for Contacts {
     }
 }
 
-/// Defines an item of one number for each vertex, of which a trial has one from 0 to 3, often 0.
+/// Defines an item of one number for each vertex. In a trial the numbers are from 0 to 3, often 0.
 macro_rules! per_vertex {
     ($(#[$doc:meta])* $item:ident, $name:literal) => {
         $(#[$doc])*
@@ -182,6 +182,6 @@ per_vertex! {
 }
 
 per_vertex! {
-    /// How firmly each vertex of a cloth presses on what it touches, relative to a light contact; 0 without contact.
+    /// Contact pressure of each vertex of a cloth, relative to a light contact; 0 without contact.
     Pressures, "pressures"
 }

@@ -49,8 +49,8 @@ fn check_pair(format: &ContactsFormat, between: &[Text; 2]) -> Result<(), Reject
     others.sort_unstable();
     others.dedup();
     let cloth: Vec<&str> = cloth.iter().map(|n| display_name(n)).collect();
-    let message = format!("{} and {} never meet", display_name(a), display_name(b));
-    let help = format!("the cloth is of {}; it meets {}", cloth.join(", "), others.join(", "));
+    let message = format!("{} and {} never touch", display_name(a), display_name(b));
+    let help = format!("the cloth consists of {}; it touches {}", cloth.join(", "), others.join(", "));
     Err(Reject::new("F107", message).at("between").help(help))
 }
 
@@ -94,7 +94,7 @@ impl Each for MaterialRouter {
     }
 
     fn summary(&self) -> Summary {
-        vec![("contacts", self.contacts.into()), ("kept", self.selected.into())]
+        vec![("contacts", self.contacts.into()), ("selected", self.selected.into())]
     }
 
     archive_state!(contacts, selected);

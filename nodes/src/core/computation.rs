@@ -1,4 +1,4 @@
-//! What a long computation may use: progress, partial results, and threads beside the graph.
+//! Services for long computations: progress, partial results, and threads beside the graph.
 
 use std::sync::Arc;
 
@@ -7,18 +7,18 @@ use std::sync::Arc;
 /// A value node that takes seconds calls it now and then; stopped, it returns [`Fault::stopped`](crate::core::fault::Fault::stopped).
 pub type Monitor<'a> = dyn Fn(f64) -> bool + Sync + 'a;
 
-/// The [`Monitor`] of a computation that nobody watches.
+/// The [`Monitor`] of a computation that is not watched.
 #[must_use]
 pub fn unmonitored(_: f64) -> bool {
     false
 }
 
-/// Results of a long computation that a later run of it can go on from, if it is stopped or killed.
+/// Results of a long computation from which a later run continues, if it is stopped or killed.
 ///
 /// They belong to the content of all inputs and parameters of a node. A value node that takes minutes loads them when it begins, and offers
 /// what it has whenever a part of the work is done, and when it is stopped.
 pub trait Partial: Sync {
-    /// What was stored last, if the computation did not come to its end.
+    /// The partial result that was stored last, if the computation was interrupted.
     fn load(&self) -> Option<Vec<u8>>;
 
     /// Offers what is done so far. It is encoded and stored, in place of what was stored before, when enough time has passed. A failure is not

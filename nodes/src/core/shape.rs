@@ -157,7 +157,7 @@ pub struct Incoming<T: Item> {
     pub rate: Rate,
     /// Constant properties of the stream.
     pub format: T::Format,
-    /// When it ends.
+    /// End of the stream.
     pub end: Option<Tick>,
 }
 
@@ -250,7 +250,7 @@ impl<'s, 'a, P> Shape<'s, 'a, P> {
         self.raw.shape.lookaround[port.index()].delay = items;
     }
 
-    /// Declares what happens when an input ends.
+    /// Declares the effect of the end of an input.
     pub fn when_ended<K: HasLookaround>(&mut self, port: Port<K>, ends: Ends) {
         self.raw.shape.lookaround[port.index()].ends = ends;
     }
@@ -367,7 +367,7 @@ pub struct Build<'a> {
     pub inputs: &'a dyn Inputs,
     /// Watches a long computation.
     pub monitor: &'a Monitor<'a>,
-    /// What an interrupted computation of the same value left.
+    /// Partial result of an interrupted computation of the same value.
     pub partial: &'a dyn Partial,
     /// Runs work beside the graph.
     pub background: &'a Background,

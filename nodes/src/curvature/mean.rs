@@ -72,7 +72,7 @@ struct Hinge {
 /// [`MeshPrepare`] makes the winding consistent first.
 ///
 /// # Limits
-/// Where the valence alternates (a grid with alternating diagonals) the pointwise value has an error of some per cent at any
+/// At vertices of alternating valence (a grid with alternating diagonals) the pointwise value has an error of some per cent at any
 /// resolution; its integral converges. Positions in single precision 100 m from the origin cause an error of 0.01 1/m on edges of
 /// 25 mm.
 ///
@@ -85,7 +85,7 @@ pub struct MeanCurvature {
     one_rings: Vec<OneRing>,
     valid: Vec<bool>,
     sums: Vec<Sums>,
-    /// What each triangle gives to its corners in this frame, where threads measure triangles in parallel.
+    /// Contributions of each triangle to its corners in this frame, where threads measure triangles in parallel.
     parts: Vec<Part>,
     method: Method,
     level: Level,
@@ -177,7 +177,7 @@ impl MeanCurvature {
     }
 }
 
-/// What a triangle gives to its corners.
+/// Contributions of a triangle to its corners.
 #[derive(Clone, Copy, Debug, Default)]
 struct Part {
     /// Unit normal, or zero without area.

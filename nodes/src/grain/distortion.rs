@@ -12,7 +12,7 @@ const QUIET: f64 = -60.0;
 /// Duration of a frame of the log-spectral distance, s, rounded to a power of two of samples.
 const FRAME: f64 = 0.04;
 
-/// Sums over frames of how far sounds are from what they should be.
+/// Sums over frames of the errors of sounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Distortion {
     ratios: f64,

@@ -1,9 +1,9 @@
 //! Grains: short pieces of recordings that follow a simulation.
 //!
-//! In the order of the data: [`recording`] reads recordings with what is known of them, [`segmentation`] cuts them at inflections of their
+//! In the order of the data: [`recording`] reads recordings with their metadata, [`segmentation`] cuts them at inflections of their
 //! spectral flux, [`dictionary`] stores the grains, [`correlation`] finds where each grain occurs in each recording, [`reduction`] makes
 //! dictionaries smaller, [`statistics`] are models of patterns that generate others, and [`synthesis`] plays patterns of grains, and grains
-//! that follow contacts. [`sinusoid`] splits recordings into sinusoids and what they leave.
+//! that follow contacts. [`sinusoid`] splits recordings into sinusoids and the residual.
 
 pub mod correlation;
 pub mod dictionary;

@@ -1,4 +1,4 @@
-//! Lists of recordings with what is known of each, as CSV.
+//! Lists of recordings with their metadata, as CSV.
 
 use crate::core::files::strip_bom;
 use std::collections::HashMap;
@@ -21,21 +21,21 @@ pub trait ManifestEntry: Default {
     /// Checks the fields of an entry.
     ///
     /// # Errors
-    /// A message that names the column, what was found, and what would be right.
+    /// A message that names the column, the value found, and what is needed.
     fn check(&self) -> Result<(), String> {
         Ok(())
     }
 }
 
-/// Reads a manifest: a CSV with the columns of `E` in any order, of which `file` is required.
+/// Reads a manifest: a CSV with the columns of `E` in any order; `file` is required.
 ///
 /// # Errors
-/// A message with the line, the column, what was found, and what would be right.
+/// A message with the line, the column, the value found, and what is needed.
 pub fn read_manifest<E: ManifestEntry>(bytes: &[u8]) -> Result<Vec<E>, String> {
     let bytes = strip_bom(bytes);
     let text = std::str::from_utf8(bytes).map_err(|e| {
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count();
-        format!("line {line}: bytes that are no UTF-8; save the list as CSV in UTF-8")
+        format!("line {line}: bytes that are not UTF-8; save the list as CSV in UTF-8")
     })?;
     let mut csv = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
@@ -97,7 +97,7 @@ pub fn read_manifest<E: ManifestEntry>(bytes: &[u8]) -> Result<Vec<E>, String> {
         }
         if let Some(before) = lines.get(&path) {
             return Err(format!(
-                "line {line}, column `file`: {:?} stands in line {before} already; each recording is listed once",
+                "line {line}, column `file`: {:?} is already listed in line {before}; each recording is listed once",
                 excerpt(&path)
             ));
         }

@@ -11,14 +11,14 @@ const ENDINGS: [&str; 6] = ["wav", "wave", "flac", "ogg", "oga", "mp3"];
 /// The field of diagnostics about entries of a manifest.
 pub(crate) const MANIFEST: &str = "manifest";
 
-/// A recording with what is known of it.
+/// A recording with its metadata.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ListedRecording<E> {
     /// The parameter that names it, for diagnostics.
     pub field: String,
     /// Its path.
     pub path: String,
-    /// What the manifest states of it; the default for other recordings.
+    /// Its entry in the manifest; the default for other recordings.
     pub entry: E,
 }
 

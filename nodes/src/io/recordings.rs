@@ -23,7 +23,7 @@ pub(crate) struct Whole {
     pub channels: Vec<Vec<f32>>,
     /// Its own samples, interleaved.
     pub samples: Vec<f32>,
-    /// What is known of it.
+    /// Properties of the file.
     pub info: AudioInfo,
 }
 
@@ -65,7 +65,7 @@ impl RecordingParam {
         Ok(reader)
     }
 
-    /// Reads a recording as a whole, with its channels averaged, and what is known of it.
+    /// Reads a recording as a whole, with its channels averaged, and its properties.
     ///
     /// # Errors
     /// A file that is no audio, is too long, or holds a sample that is not finite.

@@ -1,4 +1,4 @@
-//! A sound as it is measured: without its mean and rumble, in blocks of a millisecond and frames of 25 ms, of which some are active.
+//! A sound prepared for measurement: without its mean and rumble, in blocks of 1 ms and frames of 25 ms, some of them active.
 
 use crate::dsp::{Band, Butterworth, Cascade};
 use std::f64::consts::TAU;

@@ -12,14 +12,14 @@ use super::takes::Take;
 use crate::core::item::Data;
 use crate::core::random::Rng;
 
-/// Active frames of a recording that is measured at least.
+/// Minimum number of active frames of a recording that is measured.
 const LEAST_FRAMES: usize = 4;
 /// Places that are listed of each kind.
 const PLACES: usize = 100;
-/// Least tolerance of a range in dB, and of one of kurtosis, relative.
+/// Minimum tolerance of a range in dB, and of one of kurtosis, relative.
 const TOLERANCE: (f64, f64) = (0.5, 0.1);
 
-/// What is known of a sound, and the rules of the search for repeats.
+/// Known properties of a sound, and the rules of the search for repeats.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LikenessRules {
     /// The search for repeats.
@@ -135,7 +135,7 @@ fn lines(sound: &ActiveSound, takes: &[MeasuredTake], unit: f64) -> (LineReport,
 /// recording of a second or more it is over its halves and quarters.
 ///
 /// # Complexity
-/// That of [`frame_repeats`], which takes most of the time.
+/// As [`frame_repeats`], which takes most of the time.
 ///
 /// # Example
 /// ```
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn another_spectrum_and_a_gain_are_told_apart() {
+    fn another_spectrum_and_a_gain_are_distinguished() {
         let recordings: Vec<Take> = (0..3).map(|k| take("take", gaussian(44_100, k))).collect();
         let loud: Vec<f32> = gaussian(88_200, 9).iter().map(|x| 3.0 * x).collect();
         let found = compare(&loud, 44_100.0, &recordings, &LikenessRules::default());

@@ -1,4 +1,4 @@
-//! Lines in the spectrum of the envelope, as joins at equal intervals cause them.
+//! Lines in the spectrum of the envelope, which joins at equal intervals cause.
 
 use super::active::{ActiveSound, hann};
 use crate::dsp::{Band, Butterworth, Cascade};
@@ -11,9 +11,9 @@ const LOW: f64 = 500.0;
 const FRAMES: [f64; 2] = [1.0, 0.25];
 /// Shortest sound that has long frames, s.
 const LONG_ENOUGH: f64 = 1.5;
-/// Units in a frame at least: lines are farther apart than their neighbourhoods reach.
+/// Minimum number of units in a frame: lines are farther apart than the width of their neighbourhoods.
 const LEAST_UNITS: f64 = 20.0;
-/// Lines that are measured at most, and the highest frequency of one, Hz.
+/// Maximum number of lines that are measured, and the highest frequency of one, Hz.
 const HARMONICS: usize = 10;
 const HIGHEST: f64 = 2500.0;
 /// The neighbourhood of a line, in bins on both sides.

@@ -12,7 +12,7 @@ const LEAST_CONTRAST: f64 = -4.0;
 /// Points of a distribution.
 const POINTS: usize = 200;
 
-/// Curves that only the figure shows: each of the sound and of the recordings.
+/// Curves of the figure only: each of the sound and of the recordings.
 pub(super) struct Distributions {
     /// Levels of frames, dB of full scale.
     pub levels: [Vec<f64>; 2],
@@ -129,7 +129,8 @@ pub(super) fn draw(likeness: &Likeness) -> String {
         let around = [place.at - 0.0025, place.at + 0.0025];
         spans.push(Span { range: around, label, colour: colours[0].clone(), is_full: k < MARKED[1] });
     }
-    let title = format!("{share} of the active frames stood in the {} s before", likeness.repeats.window_s);
+    let title =
+        format!("{share} of the active frames repeat part of the {} s before", likeness.repeats.window_s);
     let picture = Some(&likeness.picture).filter(|picture| !picture.is_empty());
     let top = with_spans(&chart_over(picture, &title, &x, &y, &lines), &x, &spans);
     let below: Vec<String> = likeness.charts.iter().map(Chart::draw).collect();

@@ -11,7 +11,7 @@ pub(super) const HIGH: f64 = 8000.0;
 const AROUND: f64 = 0.005;
 /// Blocks within that duration.
 const BLOCKS: usize = 10;
-/// Joins that are nearer to a louder one are not listed, s: they are the same place.
+/// Minimum distance of a listed join from a louder one, s.
 const APART: f64 = 0.02;
 /// The share of intervals of the recordings that are softer than the limit.
 const SHARE: f64 = 0.95;
@@ -42,7 +42,7 @@ impl HighLevels {
         Some(Self { sums, block, level })
     }
 
-    /// Level of the interval around a sample, or of what of it is within the sound.
+    /// Level of the part of the interval around a sample that is within the sound.
     pub(super) fn around(&self, sample: usize) -> f64 {
         let last = self.sums.len() - 1;
         let middle = (sample + self.block / 2) / self.block;
@@ -51,7 +51,7 @@ impl HighLevels {
         power_db((self.sums[to] - self.sums[from]).max(0.0) / count) - self.level
     }
 
-    /// Levels of intervals every 2.5 ms that are active, in increasing order, as far as they are to be counted.
+    /// Levels of active intervals every 2.5 ms, in increasing order, up to the number that is counted.
     pub(super) fn sorted(&self, sound: &ActiveSound, counts: impl Fn(usize) -> bool) -> Vec<f64> {
         let all = (0..sound.samples.len()).step_by(self.block * BLOCKS / 2);
         let mut all: Vec<f64> =
@@ -149,7 +149,7 @@ mod tests {
         let (report, _) = join_report(&sound, &joins, &recordings, 3).unwrap();
         assert_eq!((report.count, report.loudest.len()), (94, 3));
         assert!((report.loudest[0].at - 31_000.0 / 48_000.0).abs() < 1e-9, "{report:?}");
-        // In 240 samples of variance 0.01, of which two thirds are above 8 kHz, 9 times two thirds are added.
+        // In 240 samples of variance 0.01, two thirds of them above 8 kHz, 9 times two thirds are added.
         let expected = power_db((2.4 + 9.0) / 2.4) - (report.recordings_db.unwrap() - power_db(2.0 / 3.0));
         assert!((report.loudest[0].excess_db - expected).abs() < 1.0, "{report:?} {expected}");
         assert!(report.loudest[1].excess_db < 1.0 && report.share_above.unwrap() < 0.15, "{report:?}");

@@ -20,15 +20,15 @@ use crate::unit::{PickFormat, Picks, UnitDatabase};
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Measures how like a sound is to the recordings that it was made of, or should resemble.
+    /// Measures the likeness of a sound and the recordings that it was made of, or should resemble.
     ///
-    /// **Repeats**: the share of active frames of 25 ms that stood in the sound in the last two seconds, and where. **Lines**: the envelope of
+    /// **Repeats**: the share of active frames of 25 ms that repeat the sound of the last two seconds, and their times. **Lines**: the envelope of
     /// a sound that is joined at the rate of its units has lines at this rate and its multiples. **Joins**: the energy above 8 kHz in 5 ms
     /// around each, beside that of the recordings. **Statistics**: spread of level, thirds of an octave, kurtosis by octave and modulation from
     /// 0.5 to 200 Hz by octave, each beside its range over the recordings.
     ///
     /// A frame of a tone correlates with all of its past without being a copy: frames that correlate with themselves within 25 ms are
-    /// counted as periodic, not as repeated. What remains in the recordings themselves is the baseline, which is reported beside it.
+    /// counted as periodic, not as repeated. The share of repeats of the recordings themselves is the baseline, which is reported beside it.
     ///
     /// Recordings are those of `database`, then those of `recordings`. With `picks` the report has the joins. The length of a unit is `unit`, or
     /// that of `picks` or `database`. Channels are averaged, sounds are high-passed at 100 Hz, and levels are relative to the level of each
@@ -148,7 +148,7 @@ impl Node for LikenessReport {
         }
         if s.linked(LikenessReportPorts::picks) && !s.linked(LikenessReportPorts::database) {
             let reject =
-                Reject::new("F101", "`picks` has no database, which tells units that follow each other");
+                Reject::new("F101", "`picks` needs a database, to find the units that follow each other");
             return Err(reject.at("picks").help("link the `database` of the units"));
         }
         RECORDINGS.check(s, &p.recordings);

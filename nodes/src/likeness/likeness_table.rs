@@ -19,7 +19,7 @@ params! {
     /// A row has the share of units without a near enough match (fallbacks), the mean length of runs in units, the share of repeats,
     /// the mean line of the envelope, the level at joins above the recordings' 95th percentile, and the shares of statistics
     /// (level spread and kurtosis; all) within the range of the recordings. Thirds of an octave and modulation have the root mean square difference
-    /// from all recordings together. `missed` names what misses its aim: repeats at most
+    /// from all recordings together. `missed` names the quantities that miss their aims: repeats at most
     /// 1 %, lines at most 1.5 dB, joins at most 1 dB, level spread and kurtosis within the range.
     pub struct LikenessTableParams {
         /// Name of each sound, in the order of `reports`; those without one are numbered.

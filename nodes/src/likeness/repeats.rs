@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// Frames that one task takes.
 const TASK: usize = 256;
-/// The past counts if it is not softer than the frame by more than this ratio of energies.
+/// Ratio of energies up to which the past may be softer than the frame to count.
 const SOFTEST: f64 = 1e-4;
 
 /// The search for repeats.
@@ -42,13 +42,13 @@ pub struct FrameRepeat {
 }
 
 impl FrameRepeat {
-    /// True if the frame repeats its past and is no part of a tone.
+    /// True if the frame repeats its past and is not part of a tone.
     #[must_use]
     pub fn is_repeated(&self, threshold: f64) -> bool {
         self.correlation > threshold && !self.is_periodic(threshold)
     }
 
-    /// True if the frame is part of a tone: it repeats itself within its own length, and matches its past whether or not it was copied.
+    /// True if the frame is part of a tone: it repeats itself within its own length, and matches its past, copied or not.
     #[must_use]
     pub fn is_periodic(&self, threshold: f64) -> bool {
         self.periodicity > threshold

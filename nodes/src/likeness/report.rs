@@ -27,7 +27,7 @@ pub struct TakeFigures {
     pub level_db: Option<f64>,
 }
 
-/// Shares of active frames that stood in the sound shortly before.
+/// Shares of active frames that repeat an earlier part of the sound.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RepeatReport {
     /// Time before each frame that is searched, s.
@@ -114,7 +114,7 @@ impl Statistic {
 pub struct Likeness {
     /// Length and level of the sound.
     pub sound: TakeFigures,
-    /// Those of each recording.
+    /// Likeness of each recording.
     pub recordings: Vec<TakeFigures>,
     /// True if the ranges are of parts of the only recording.
     pub parts: bool,
@@ -130,7 +130,7 @@ pub struct Likeness {
     pub statistics: Vec<Statistic>,
     /// Share of the statistics that are within their range.
     pub within_share: Option<f64>,
-    /// What could not be measured, and why.
+    /// Measurements that are missing, and why.
     pub notes: Vec<String>,
     /// Curves of the figure.
     pub charts: Vec<Chart>,
@@ -189,7 +189,7 @@ impl Likeness {
         line(
             "repeats",
             format!(
-                "{} of its active frames stood in the {} s before (recordings {}); tones {} ({})",
+                "{} of its active frames repeat part of the {} s before (recordings {}); tones {} ({})",
                 percent(r.share),
                 r.window_s,
                 percent(r.recordings_share),

@@ -1,4 +1,4 @@
-//! Statistics of one sound, which can be added to those of others.
+//! Statistics of one sound, which can be added to those of other sounds.
 
 use super::active::{ActiveSound, power_db};
 use super::bands::{Moments, band_energies, octaves, third_octaves};

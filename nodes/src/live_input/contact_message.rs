@@ -109,7 +109,7 @@ impl ContactMessage {
     /// `approach`, `depth`, `mass`, `travel_a` and `step`; or `id` and `"ends": true`.
     ///
     /// # Errors
-    /// The key, what was found and what is expected.
+    /// The key, the value found and what is needed.
     pub fn from_json(object: &Map<String, Value>) -> Result<Self, String> {
         const KEYS: [&str; 14] = [
             "id", "a", "b", "point", "normal", "force", "impulse", "velocity", "approach", "depth", "mass",

@@ -1,4 +1,4 @@
-//! What nodes that read animations from files have in common: access to files, formats, rates and spans of time.
+//! Common parts of the nodes that read animations from files: access to files, formats, rates and spans of time.
 
 use std::io::{Read, SeekFrom};
 use std::sync::Arc;
@@ -135,7 +135,7 @@ pub(crate) fn reject(field: &str, error: &MeshError) -> Reject {
     }
 }
 
-/// What the parameters select of a glTF.
+/// The object and animation of a glTF that the parameters select.
 pub(crate) fn gltf_selection(
     object: Option<&Text>,
     animation: Option<&Text>,

@@ -166,7 +166,7 @@ fn required_rate(p: &MeshSequenceParams, what: &str) -> Result<Rate, Reject> {
     })
 }
 
-/// Says how the times of a file and the rate of the stream differ.
+/// Describes how the times of a file differ from the rate of the stream.
 fn time_notes(format: Format, clip: &MeshClip, rate: Rate) -> Option<String> {
     match (format, clip.times()) {
         (Format::ObjSequence, _) => None,

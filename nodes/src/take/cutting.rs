@@ -1,4 +1,4 @@
-//! Takes in a recording: what is louder than its noise floor, by a gate with hysteresis.
+//! Takes of a recording: the parts that are louder than its noise floor, by a gate with hysteresis.
 
 use std::ops::Range;
 
@@ -62,7 +62,7 @@ pub struct Cutting {
     pub spread: f64,
     /// Number of takes that were too short.
     pub short: usize,
-    /// True if nothing is louder than the floor by `open`: then the whole recording is one take.
+    /// True if no part is louder than the floor by `open`: then the whole recording is one take.
     pub steady: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The figure of takes: what was cut out of each recording.
+//! The figure of takes: the parts that were cut out of each recording.
 
 use super::cutting::{DIGITAL_SILENCE, levels};
 use super::takes::{CutRecording, Takes};

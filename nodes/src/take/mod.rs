@@ -1,7 +1,7 @@
 //! Takes: the useful parts of raw recordings.
 //!
 //! A raw recording has rumble, room noise between its sounds, and a level of its own. [`cut`] finds its [`Takes`], which
-//! [`mod@take_cutter`] gives to unit databases, friction models and crumple banks.
+//! [`mod@take_cutter`] passes to unit databases, friction models and crumple banks.
 
 pub mod cutting;
 mod figure;

@@ -103,7 +103,7 @@ impl ManifestEntry for TakeLabel {
     }
 }
 
-/// Recordings that are read at the same time; the progress is told after them.
+/// Recordings that are read at the same time; the progress is reported after them.
 const AT_ONCE: usize = 32;
 /// Order of the high-pass.
 const HIGH_PASS_ORDER: usize = 4;
@@ -116,7 +116,7 @@ fn rules(p: &TakeCutterParams) -> TakeRules {
     TakeRules { floor, open, close, hold, window, lead, tail, min_len }
 }
 
-/// Reads and cuts one recording; what was dropped of it and what is wrong with it is in the summary.
+/// Reads and cuts one recording; the summary lists the parts that were dropped, and warnings.
 fn read(
     p: &TakeCutterParams,
     cx: &Build<'_>,

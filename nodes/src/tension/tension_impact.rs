@@ -33,7 +33,7 @@ params! {
     pub struct TensionImpactParams {
         /// Maximum size of a part.
         region: f64 = 0.3, unit "m", range 0.001..=1000.0;
-        /// Length over rest length from which on a part is taut.
+        /// Ratio of length to rest length at which a part becomes taut.
         taut: f64 = 0.99, unit "", range 0.1..=10.0;
         /// Decrease of the stretch below `taut` after which a part is slack.
         band: f64 = 0.03, unit "", range 0.0..=1.0;

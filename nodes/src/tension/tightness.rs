@@ -14,7 +14,7 @@ const THREAD: f64 = 1e-3;
 pub struct TautParams {
     /// Maximum size of a part, m.
     pub size: f64,
-    /// Length over rest length from which on a part is taut.
+    /// Ratio of length to rest length at which a part becomes taut.
     pub taut: f64,
     /// Decrease of the stretch below `taut` after which a part is slack.
     pub band: f64,
@@ -178,7 +178,7 @@ pub struct Tightness {
     /// Poses of the last three frames, in order of time.
     history: [Vec<Pose>; 3],
     slack: Vec<[bool; 2]>,
-    /// Frame from which on a part may snap again.
+    /// First frame at which a part may snap again.
     next_snap: Vec<u64>,
     frames: u64,
 }

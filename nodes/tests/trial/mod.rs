@@ -37,7 +37,7 @@ pub enum Level {
     FullScale,
     /// The smallest denormal numbers.
     Denormal,
-    /// What a control can send: any number within 1e9, most often an end of the range or 0.
+    /// Values that a control can send: any number within 1e9, most often an end of the range or 0.
     Control,
 }
 

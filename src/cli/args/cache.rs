@@ -19,7 +19,7 @@ pub struct CacheArgs {
 pub enum CacheCommand {
     /// Count entries and bytes, by node type
     Stat(StatArgs),
-    /// Remove what is worth least until the rest fits the size
+    /// Remove the least valuable entries until the rest fits the size
     Gc(GcArgs),
     /// List the dependencies of a result that have changed since the last run
     Why(WhyArgs),

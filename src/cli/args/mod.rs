@@ -45,7 +45,7 @@ pub enum Command {
         after_help = "Examples:\n  foley run graphs/cloth/sheet.ron\n  foley run piece.ron --set cloth.path=cape.abc --tap mix.audio=mix.svg"
     )]
     Run(RunArgs),
-    /// Measure one output of a graph: run what it needs, write no file, and print what comes out
+    /// Measure one output of a graph: run only the nodes that it needs, write no file, and print its figures
     #[command(
         after_help = "Examples:\n  foley probe piece.ron mix\n  foley probe piece.ron contacts.impacts --first 20\n  foley probe piece.ron wind --from 1 --to 2 --svg wind.svg"
     )]
@@ -81,10 +81,10 @@ pub enum Command {
     /// Explain the code of an error
     #[command(after_help = "Examples:\n  foley explain F025\n  foley explain f048")]
     Explain(ExplainArgs),
-    /// List the nodes of a graph with what they read and give, or draw it
+    /// List the nodes of a graph with their inputs and outputs, or draw it
     #[command(after_help = "Examples:\n  foley graph piece.ron\n  foley graph piece.ron --svg piece.svg")]
     Graph(DrawArgs),
-    /// Tabulate parameters of nodes over several graphs, and what runs report of them
+    /// Tabulate parameters of nodes over several graphs, and figures of their runs
     #[command(
         after_help = "Examples:\n  foley table graphs/cloth/*.ron --column contacts.radius --column speed.threshold\n  foley table a.ron b.ron --run -c contacts.time -c fit.nodes --csv"
     )]

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 pub struct NewArgs {
     /// The folder to make; its name becomes that of the graph
     pub dir: PathBuf,
-    /// What the project is about [default: what the given files are for, or wind]
+    /// Subject of the project [default: that of the given files, or wind]
     #[arg(long, value_name = "NAME")]
     pub template: Option<Template>,
     /// Files of the user.
@@ -22,7 +22,7 @@ pub struct OwnFiles {
     /// Copy this animation into the project, as the cloth; or this shape, as the object of a material
     #[arg(long, value_name = "FILE")]
     pub mesh: Option<PathBuf>,
-    /// Copy these recordings into the project: of the cloth, knocks on a material, grains, or what is put together anew
+    /// Copy these recordings into the project: of the cloth, knocks on a material, grains, or recordings to resynthesise
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub recordings: Vec<PathBuf>,
     /// Copy this image into the project, as the surface
@@ -50,6 +50,6 @@ pub enum Template {
     Material,
     /// Recordings cut into grains, played by triggers or by the contacts of a log
     Grains,
-    /// A recording put together anew
+    /// A resynthesised recording
     Numbers,
 }

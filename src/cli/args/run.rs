@@ -53,7 +53,7 @@ pub struct RunArgs {
     /// Folder for the files that the graph writes
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
-    /// Write what the run took and gave as JSON
+    /// Write the report of the run as JSON
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
     /// Write a checkpoint at this interval, from which the same command resumes; 0 writes none

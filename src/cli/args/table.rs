@@ -14,7 +14,7 @@ use std::sync::Arc;
 pub struct Column {
     /// The end of the ids, whole names.
     pub node: String,
-    /// A parameter, or what a run reports.
+    /// A parameter, or a figure of a run.
     pub field: String,
 }
 

@@ -20,7 +20,7 @@ pub struct TestArgs {
     /// List the checks, and run nothing
     #[arg(long, conflicts_with = "write")]
     pub list: bool,
-    /// Store what the checks `Stored` compare with; nothing else writes a file
+    /// Store the results that the checks `Stored` compare with; nothing else writes a file
     #[arg(long)]
     pub write: bool,
     /// Let the graphs read below this folder too
@@ -34,13 +34,13 @@ pub struct TestArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
-    /// Print what failed, and the summary
+    /// Print only the failed checks and the summary
     #[arg(long, short)]
     pub quiet: bool,
 }
 
 impl TestArgs {
-    /// How the graphs are loaded.
+    /// Options with which the graphs are loaded.
     #[must_use]
     pub fn load_options(&self, registry: &Arc<Registry>) -> LoadOptions {
         load_options(registry, &[], &self.allow_read, &self.limits)

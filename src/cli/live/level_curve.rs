@@ -26,7 +26,7 @@ struct Curve {
     peaks: VecDeque<f32>,
     /// Largest peak since the start.
     maximum: f32,
-    /// The peak of the column that is not complete, and its share of a column.
+    /// The peak of the incomplete column, and its share of a column.
     next: (f32, f64),
 }
 

@@ -43,7 +43,7 @@ impl LevelFile {
         self.nodes = peaks.iter().map(|(id, peak)| (id.clone(), level(*peak))).collect();
     }
 
-    /// Adds the peak of what was heard since the last call, and readings of meters. A folder in which nothing can be written has no
+    /// Adds the peak of the sound since the last call, and readings of meters. A folder in which nothing can be written has no
     /// file of levels.
     pub fn add(&mut self, peak: f32, readings: &[MeterReadings], played: f64) {
         self.peak = self.peak.max(peak);

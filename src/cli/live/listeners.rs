@@ -22,7 +22,7 @@ pub(super) fn listen(
         std::thread::spawn(move || {
             read_lines(std::io::stdin().lock(), &hub, |line, message| {
                 if !quiet {
-                    errors.tell(format_args!("standard input, line {line}: {message}"));
+                    errors.print_message(format_args!("standard input, line {line}: {message}"));
                 }
             });
         });
@@ -30,7 +30,7 @@ pub(super) fn listen(
     let errors = Arc::clone(errors);
     let report = move |message: &str| {
         if !quiet {
-            errors.tell(message);
+            errors.print_message(message);
         }
     };
     let osc = port(&settings.device.osc).map(|at| ("OSC", "--osc", at, listen_to_osc(at, Arc::clone(hub))));
@@ -41,8 +41,8 @@ pub(super) fn listen(
         match listening {
             Ok(listening) => {
                 if !listening.at.ip().is_loopback() {
-                    let message = format!("{what} at {} can be sent from other machines", listening.at);
-                    let help = "whoever reaches the port can play and set parameters; a port number alone is of this machine";
+                    let message = format!("{what} at {} is accepted from other machines", listening.at);
+                    let help = "anyone who reaches the port can play and set parameters; a port number without an address accepts this machine only";
                     warn(Diagnostic::general("F056", message).help(help));
                 }
                 all.push((what, listening));

@@ -38,7 +38,7 @@ struct LiveSettings<'a> {
     report: Option<&'a Path>,
     json: bool,
     quiet: bool,
-    /// Seconds between looks at files, where events are not wanted.
+    /// Seconds between comparisons of files, where events are not wanted.
     poll: Option<f64>,
     watch: bool,
 }
@@ -46,7 +46,7 @@ struct LiveSettings<'a> {
 /// Plays a graph.
 ///
 /// # Errors
-/// When standard output goes away, or the report cannot be written.
+/// If standard output is closed, or the report cannot be written.
 pub fn live(args: &LiveArgs, registry: &Arc<Registry>) -> anyhow::Result<Exit> {
     play(&LiveSettings {
         graph: &args.graph,
@@ -143,7 +143,7 @@ fn play(settings: &LiveSettings<'_>) -> anyhow::Result<Exit> {
     if let Some(wanted) = settings.device.rate
         && callback.rate().as_f64() != f64::from(wanted)
     {
-        let message = format!("the graph plays at {}, --rate asks for {wanted} Hz", callback.rate());
+        let message = format!("the graph plays at {}, but --rate is {wanted} Hz", callback.rate());
         let found = Diagnostic::general("F045", message);
         show(&[found.help(format!("put Resample(rate: {wanted}) before the WavOut"))], &sources);
         return Ok(Exit::Wrong);

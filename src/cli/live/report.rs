@@ -3,7 +3,7 @@
 use super::level_curve::COLUMNS_PER_SECOND;
 use super::session::Session;
 use crate::cli::Exit;
-use crate::cli::console::{say, tell_styled};
+use crate::cli::console::{print_line, print_styled};
 use crate::cli::run::{show, write_whole};
 use crate::diag::{Diagnostic, Sources};
 use crate::live::Histogram;
@@ -62,17 +62,19 @@ impl Session<'_> {
         }
         if self.settings.json {
             let late = self.device.as_ref().map_or(0, |d| d.status.late.load(Relaxed));
-            return say(&json!({
-                "played_s": played,
-                "callback": times(&meter.callback),
-                "missed": meter.missed.load(Relaxed),
-                "overruns": meter.overruns.load(Relaxed),
-                "late": late,
-                "peak": peak,
-                "meters": readings.iter().map(levels).collect::<Vec<_>>(),
-                "nodes": self.nodes(),
-            })
-            .to_string());
+            return print_line(
+                &json!({
+                    "played_s": played,
+                    "callback": times(&meter.callback),
+                    "missed": meter.missed.load(Relaxed),
+                    "overruns": meter.overruns.load(Relaxed),
+                    "late": late,
+                    "peak": peak,
+                    "meters": readings.iter().map(levels).collect::<Vec<_>>(),
+                    "nodes": self.nodes(),
+                })
+                .to_string(),
+            );
         }
         self.curves.add(&readings);
         let load = meter.callback.quantile(0.99).as_secs_f64() / budget * 100.0;
@@ -82,7 +84,7 @@ impl Session<'_> {
             meter.missed.load(Relaxed),
             linear_to_db(f64::from(peak.max(1e-6)))
         );
-        tell_styled(&format!("\r{status}\x1b[K{}", self.curves.draw()));
+        print_styled(&format!("\r{status}\x1b[K{}", self.curves.draw()));
         Ok(())
     }
 
@@ -161,7 +163,7 @@ impl Session<'_> {
             write_whole(path, &format!("{report:#}\n"))?;
         }
         if !self.settings.quiet && !self.settings.json {
-            say(&format!(
+            print_line(&format!(
                 "played {played:.2} s; callback median {:.0} us, worst {:.0} us; {} window(s) missed, {} overrun(s)",
                 us(meter.callback.quantile(0.5)),
                 us(meter.callback.worst()),
@@ -170,15 +172,15 @@ impl Session<'_> {
             ))?;
             let (peak, over) = (meter.loudest(), meter.over.load(Relaxed));
             match over {
-                _ if peak == 0.0 => say("nothing was heard")?,
-                0 => say(&format!("peak {:.1} dB of full scale", linear_to_db(peak.into())))?,
+                _ if peak == 0.0 => print_line("the sound was silent")?,
+                0 => print_line(&format!("peak {:.1} dB of full scale", linear_to_db(peak.into())))?,
                 over => {
                     let advice = self.advice();
-                    say(&format!("{over} sample(s) beyond full scale: {advice}"))?;
+                    print_line(&format!("{over} sample(s) beyond full scale: {advice}"))?;
                 }
             }
             if let Some(line) = self.message_line() {
-                say(&line)?;
+                print_line(&line)?;
             }
         }
         Ok(exit)

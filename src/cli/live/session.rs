@@ -4,7 +4,7 @@ use super::level_curve::LevelCurves;
 use super::level_file::LevelFile;
 use super::{LiveSettings, LoadedGraph, load_graph};
 use crate::cli::Exit;
-use crate::cli::console::{Throttle, say, tell};
+use crate::cli::console::{Throttle, print_line, print_message};
 use crate::cli::run::show;
 use crate::cli::watch::{SETTLE, no_events};
 use crate::diag::{Diagnostic, Sources};
@@ -57,7 +57,7 @@ pub(super) struct Session<'a> {
     pub(super) watcher: Option<FileWatcher>,
     pub(super) player: Player,
     pub(super) device: Option<Running>,
-    /// When a file has changed that has to be loaded.
+    /// Time of the change of a file that has to be loaded.
     pub(super) pending: Option<Instant>,
     pub(super) wrong: Option<FailedLoad>,
     /// Loads that are not audible yet: the time at which they began, and their description.
@@ -73,7 +73,7 @@ pub(super) struct Session<'a> {
     pub(super) over: bool,
     /// Windows that are reported as missing in the recording.
     pub(super) lost_windows: u64,
-    /// When the sound exceeded full scale first.
+    /// Time at which the sound first exceeded full scale.
     pub(super) loud: Option<Instant>,
     /// True if that is reported.
     pub(super) exceeded: bool,
@@ -81,7 +81,7 @@ pub(super) struct Session<'a> {
     pub(super) cut: bool,
     /// Notes of nodes that are reported.
     pub(super) noted: HashSet<(String, String)>,
-    /// Nodes of which it is reported why they give nothing, since the last load.
+    /// Nodes whose reason for giving nothing has been reported since the last load.
     pub(super) silent: HashSet<(String, String)>,
     /// True if it is reported that windows are missed.
     pub(super) starved: bool,
@@ -109,14 +109,14 @@ impl Session<'_> {
             if let Some(watcher) = &self.watcher {
                 line += &format!("; watching {} file(s)", watcher.files());
             }
-            say(&line)?;
-            say("Ctrl-C ends")?;
+            print_line(&line)?;
+            print_line("Ctrl-C ends")?;
         }
         self.report_notes();
         Ok(())
     }
 
-    /// Plays to the end, and finishes the recording and the report even if nobody reads standard output any more.
+    /// Plays to the end, and finishes the recording and the report even if standard output is closed.
     pub(super) fn run_loop(mut self, listening: &[(&str, Listener)]) -> anyhow::Result<Exit> {
         match self.begin(listening).map_err(Into::into).and_then(|()| self.play()) {
             Ok(exit) => self.end(exit),
@@ -163,7 +163,7 @@ impl Session<'_> {
                     break;
                 }
                 if !self.settings.quiet {
-                    say("the piece is over; the next save begins it again")?;
+                    print_line("the piece has ended; the next save restarts it")?;
                 }
             }
             if exit == Exit::Failed && self.watcher.is_none() {
@@ -173,7 +173,7 @@ impl Session<'_> {
         Ok(exit)
     }
 
-    /// Queues a parameter to set; the newest value of each counts, and those for which there is no room are left out.
+    /// Queues a parameter to set. The newest value of each counts; parameters for which there is no room are left out.
     fn queue(&mut self, set: Set) {
         let new = Override { target: set.target, value: set.value };
         match self.waiting.iter().position(|(_, waits)| waits.target == new.target) {
@@ -196,7 +196,10 @@ impl Session<'_> {
         let remaining: Vec<_> =
             self.messages.iter().filter(|set| !lost.contains(&set.target)).cloned().collect();
         if !lost.is_empty() && self.load(&texts, remaining.clone(), at).0.is_ok() {
-            tell(format_args!("what messages set no longer fits, and is dropped: {}", lost.join(", ")));
+            print_message(format_args!(
+                "values set by messages no longer fit the graph, and are dropped: {}",
+                lost.join(", ")
+            ));
             (self.wrong, self.texts, self.messages) = (None, texts, remaining);
         } else {
             self.wrong = Some(FailedLoad { at: Instant::now(), errors, sources });
@@ -227,7 +230,7 @@ impl Session<'_> {
             let shown: Vec<_> = errors.iter().take(self.errors.allow(errors.len())).cloned().collect();
             if !shown.is_empty() {
                 show(&shown, &sources);
-                tell("the graph plays on as it was");
+                print_message("the graph continues unchanged");
             }
         }
         // What came in the meantime is newer.
@@ -301,19 +304,21 @@ impl Session<'_> {
                     let ms = at.elapsed().as_secs_f64() * 1e3;
                     self.delays.push(ms);
                     if !self.settings.quiet && !self.settings.json {
-                        say(&format!("reloaded in {ms:.0} ms: {what}"))?;
+                        print_line(&format!("reloaded in {ms:.0} ms: {what}"))?;
                     }
                 }
             }
             PlayerEvent::TransitionOver => {}
             PlayerEvent::Renewed(id) => {
-                tell(format_args!("`{id}`: its output was not finite; it is reset, and reported once"));
+                print_message(format_args!(
+                    "`{id}`: its output was not finite; it is reset, and reported once"
+                ));
             }
             PlayerEvent::Silent(notes) => {
                 for (node, note) in notes {
                     self.noted.insert((node.clone(), note.clone()));
                     if self.silent.insert((node.clone(), note.clone())) && !self.settings.quiet {
-                        tell(format_args!("note: {node}: {note}"));
+                        print_message(format_args!("note: {node}: {note}"));
                     }
                 }
             }
@@ -329,7 +334,10 @@ impl Session<'_> {
     /// Reports the first message of each mistake.
     fn report_messages(&self) {
         let texts = self.hub.refusals.take_texts();
-        texts.iter().filter(|_| !self.settings.quiet).for_each(|text| tell(format_args!("message: {text}")));
+        texts
+            .iter()
+            .filter(|_| !self.settings.quiet)
+            .for_each(|text| print_message(format_args!("message: {text}")));
     }
 
     /// Reports errors that persist.
@@ -339,8 +347,8 @@ impl Session<'_> {
         {
             show(&wrong.errors, &wrong.sources);
             match self.watcher {
-                Some(_) => tell("the graph that plays is the older one; waiting for the next save"),
-                None => tell("the graph plays on as it was"),
+                Some(_) => print_message("the graph that plays is the older one; waiting for the next save"),
+                None => print_message("the graph continues unchanged"),
             }
         }
     }
@@ -353,9 +361,9 @@ impl Session<'_> {
         if missed == 0.0 {
             self.starved = false;
         } else if missed > LONG_GAP && !std::mem::replace(&mut self.starved, true) {
-            tell(format_args!(
-                "nothing has come from the nodes ahead of the callback for {LONG_GAP} s: they take longer than their sound; \
-                 what depends on them is silent until they have caught up"
+            print_message(format_args!(
+                "the nodes ahead of the callback have delivered nothing for {LONG_GAP} s: they are slower than real time, and \
+                 the nodes that depend on them are silent until they catch up"
             ));
         }
     }
@@ -367,17 +375,17 @@ impl Session<'_> {
         let (ceiling, what) = if card { (1.0, "full scale") } else { (CEILING, "120 dB over full scale") };
         if !self.cut && (meter.loudest() > ceiling || meter.cut.load(Relaxed) > 0) {
             (self.cut, self.loud) = (true, self.loud.or_else(|| Some(Instant::now())));
-            tell(format_args!("the sound is louder than {what}, and is cut there: {}", self.advice()));
+            print_message(format_args!("the sound exceeds {what} and is clipped there: {}", self.advice()));
         } else if self.loud.is_none() && meter.loudest() > 1.0 {
             self.loud = Some(Instant::now());
         } else if !self.cut && !self.exceeded && self.loud.is_some_and(|at| at.elapsed() >= SETTLE_LEVEL) {
             // The peak of the first sound is known by now.
             self.exceeded = true;
-            tell(format_args!("the sound exceeds full scale: {}", self.advice()));
+            print_message(format_args!("the sound exceeds full scale: {}", self.advice()));
         }
     }
 
-    /// Says how to lower the sound that was played.
+    /// Advice on how to lower the sound that was played.
     pub(super) fn advice(&self) -> String {
         let shared = self.player.shared();
         let samples = shared.window.load(Relaxed) * self.settings.device.quantum as u64;
@@ -392,21 +400,21 @@ impl Session<'_> {
     fn report_notes(&mut self) {
         for (node, note) in self.player.notes() {
             if self.noted.insert((node.clone(), note.clone())) && !self.settings.quiet {
-                tell(format_args!("note: {node}: {note}"));
+                print_message(format_args!("note: {node}: {note}"));
             }
         }
     }
 
-    /// Reports at once what the device loses.
+    /// Reports the losses of the device at once.
     fn report_device(&mut self) {
         let Some(status) = self.device.as_ref().map(|device| &device.status) else { return };
         if let Some(failure) = status.take_failure() {
             show(&[Diagnostic::general("F080", failure)], &Sources::default());
-            tell("the piece continues without a recording");
+            print_message("the piece continues without a recording");
         }
         let stopped = status.stopped_ms.swap(0, Relaxed);
         if stopped > 0 {
-            tell(format_args!(
+            print_message(format_args!(
                 "the clock stood still for {:.1} s: the process was stopped, or the machine slept",
                 stopped as f64 / 1e3
             ));
@@ -415,7 +423,9 @@ impl Session<'_> {
         if lost > self.lost_windows && !status.cut.load(Relaxed) && self.errors.allow(1) == 1 {
             let seconds =
                 lost as f64 * self.settings.device.quantum as f64 / self.player.plan().rate.as_f64();
-            tell(format_args!("{seconds:.2} s of sound are missing in the recording: the disk is too slow"));
+            print_message(format_args!(
+                "{seconds:.2} s of sound are missing in the recording: the disk is too slow"
+            ));
             self.lost_windows = lost;
         }
     }
@@ -425,7 +435,7 @@ impl Session<'_> {
         if self.device.as_ref().is_some_and(Running::is_lost)
             && let Some(Ok(Some(callback))) = self.device.take().map(Running::stop)
         {
-            tell("the device is gone; the piece continues silently until it is back");
+            print_message("the device is disconnected; the piece continues silently until it is back");
             self.device = device::start(&Device::Null, callback).ok();
             self.lost = Some(Instant::now());
         }
@@ -435,7 +445,7 @@ impl Session<'_> {
             let wanted = Device::parse(self.settings.device.device.as_deref());
             match device::start(&wanted, callback) {
                 Ok(running) => {
-                    tell("the device is back");
+                    print_message("the device is back");
                     (self.device, self.lost) = (Some(running), None);
                 }
                 Err((callback, _)) => {

@@ -5,7 +5,7 @@ use super::super::error::{ErrorKind, Span, SyntaxError};
 use super::super::syntax::{Parse, SyntaxKind, SyntaxToken};
 use super::{EditError, TextEdit, check_item, set_value};
 
-/// Kind of the brackets around items, which decides what an item is.
+/// Kind of the brackets around items, which determines the kind of an item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Brackets {
     /// `[value, ...]`
@@ -193,7 +193,7 @@ fn container_at(parse: &Parse, span: &Span) -> Result<(Brackets, Vec<Span>), Edi
     found.ok_or_else(|| EditError::NoValue(span.clone()))
 }
 
-/// What follows an item on its line.
+/// Text that follows an item on its line.
 struct After {
     /// End of the comma after the item.
     comma: Option<usize>,

@@ -50,7 +50,7 @@ impl Parser<'_> {
         if named == 1 && self.fields_in_braces() {
             return self.node(Struct, |p| {
                 p.bump();
-                p.error_here(ErrorKind::Unexpected, "`(`: fields stand in parentheses");
+                p.error_here(ErrorKind::Unexpected, "`(`: fields are enclosed in parentheses");
                 p.enter(Body::Fields);
             });
         }
@@ -113,7 +113,7 @@ impl Parser<'_> {
         });
     }
 
-    /// Reads what must cost one step of depth, or passes over it.
+    /// Reads an element that must cost one step of depth, or passes over it.
     pub(super) fn deeper(&mut self, content: impl FnOnce(&mut Self)) {
         if let Some(budget) = self.budget.checked_sub(1) {
             self.budget = budget;

@@ -1,4 +1,4 @@
-//! The file of the device `file:PATH`: written by a thread of its own, in whole windows, and complete as far as it came.
+//! The file of the device `file:PATH`, written by a thread of its own, in whole windows, and complete up to its end.
 
 use super::timing::DeviceStatus;
 use crate::live::playback::callback::Callback;
@@ -69,7 +69,7 @@ pub fn start_recording(
     Ok((sender, thread))
 }
 
-/// Writes all samples. When the disk refuses some, the failure is reported at once, and the file ends with what is there.
+/// Writes all samples. When the disk refuses some, the failure is reported at once, and the file ends with the samples so far.
 fn write(
     mut writer: AudioWriter<File>,
     mut samples: Consumer<f32>,

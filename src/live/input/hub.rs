@@ -23,7 +23,7 @@ const MAX_FRAMES: usize = 16;
 pub const MAX_SETS: usize = 256;
 /// Maximum time by which a message may be ahead of the graph that plays.
 pub const MAX_AHEAD: Duration = Duration::from_secs(10);
-/// Time ahead up to which a message counts as due, s: a message that is read at once is never behind those of the future.
+/// Time ahead up to which a message counts as due, s, so that a message that is read at once does not wait behind future ones.
 const DUE: f64 = 0.02;
 
 /// A parameter to set, as with `--set`.
@@ -96,7 +96,7 @@ pub struct Moment {
     pub tick: Tick,
 }
 
-/// Receives messages and queues them for nodes; whatever comes, it holds a bounded number.
+/// Receives messages and queues them for nodes; the number of queued messages is bounded.
 #[derive(Default)]
 pub struct Hub {
     messages: Mutex<HashMap<String, Vec<MessageSender>>>,
@@ -360,7 +360,7 @@ fn queue() -> (QueueSender, QueueReceiver) {
 }
 
 impl QueueReceiver {
-    /// Takes in what has come, and returns the time of the earliest message.
+    /// Takes in the received messages, and returns the time of the earliest one.
     fn earliest(&mut self) -> Option<Tick> {
         while self.sorted.len() < self.sorted.capacity() {
             let Ok((at, message)) = self.ring.pop() else { break };

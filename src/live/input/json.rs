@@ -115,12 +115,12 @@ pub fn read_line(line: &str, hub: &Hub, log: &mut LogClock) -> Result<(), String
         let list = values.as_ref().and_then(Value::as_array);
         let numbers: Option<Vec<f64>> = list.and_then(|list| list.iter().map(Value::as_f64).collect());
         let message = numbers.as_deref().and_then(control_to_message);
-        when.deliver(hub, &channel, message.ok_or("`values` has to be a list of up to 16 numbers")?);
+        when.deliver(hub, &channel, message.ok_or("`values` must be a list of up to 16 numbers")?);
         return Ok(());
     }
     if let Some(target) = text(&mut object, "set")? {
         let value = object.get("value").and_then(ron);
-        hub.set(target, value.ok_or("`value` has to be a number, a text, true, false or a list")?);
+        hub.set(target, value.ok_or("`value` must be a number, a text, true, false or a list")?);
         return Ok(());
     }
     Err("one of `impact`, `contact`, `trigger`, `control` and `set` is needed".to_owned())
@@ -141,7 +141,7 @@ fn trigger(object: &Map<String, Value>) -> Result<Trigger, String> {
             return Err(format!("`{key}` is {value}; {needed} is needed"));
         }
     }
-    Trigger::from_numbers(&numbers).ok_or_else(|| "this is no trigger".to_owned())
+    Trigger::from_numbers(&numbers).ok_or_else(|| "this is not a trigger".to_owned())
 }
 
 /// Delivers one contact, or all contacts of a frame.
@@ -155,13 +155,13 @@ fn contacts(channel: &str, mut object: Map<String, Value>, when: When, hub: &Hub
         return Ok(());
     };
     if let Some(key) = object.keys().next() {
-        return Err(format!("`{key}` stands beside `contacts`; it belongs to each of them"));
+        return Err(format!("`{key}` is beside `contacts`; it belongs in each item of that list"));
     }
-    let Value::Array(list) = list else { return Err("`contacts` has to be a list".to_owned()) };
+    let Value::Array(list) = list else { return Err("`contacts` must be a list".to_owned()) };
     // All or none: a part of a frame would end the other contacts.
     let messages: Result<Vec<_>, _> = list
         .iter()
-        .map(|item| one(item.as_object().ok_or("`contacts` has to be a list of objects")?))
+        .map(|item| one(item.as_object().ok_or("`contacts` must be a list of objects")?))
         .collect();
     messages?.into_iter().for_each(|message| when.deliver(hub, channel, message));
     Ok(())

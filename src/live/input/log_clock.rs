@@ -14,7 +14,7 @@ const POLL: Duration = Duration::from_millis(5);
 /// Converts times of a log to ticks of the piece that plays, and waits until they are due.
 ///
 /// The first time of a log is [`AHEAD`] from now, and all others follow by their differences, whenever their lines arrive. A log that is sent
-/// before the graph plays begins with it, and one that is sent while another piece begins starts anew at the next line.
+/// before the graph plays begins with it, and one that is sent while another piece begins starts again at the next line.
 #[derive(Debug, Default)]
 pub struct LogClock {
     /// The first time, and its tick in the piece.

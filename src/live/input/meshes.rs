@@ -36,7 +36,7 @@ const MAX_NAME_BYTES: u32 = 200;
 const MAX_CONNECTIONS: usize = 8;
 /// Time in which a sender has to send the header.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(5);
-/// Time of silence from which on a connection gives its place to another one.
+/// Duration of silence after which a connection is replaced by another one.
 const SILENCE: Duration = Duration::from_secs(15);
 /// Maximum time for which a thread reads or sleeps before it polls the stop flag.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
@@ -63,7 +63,7 @@ struct Activity {
     start: Instant,
     /// Milliseconds from `start` to its last byte, or to the last frame that was due.
     last_ms: AtomicU64,
-    /// True if it has to give its place to another one.
+    /// True if another connection replaces it.
     close: AtomicBool,
 }
 
@@ -101,7 +101,7 @@ impl<R: Read> Bytes<'_, R> {
             if self.activity.close.load(Relaxed) {
                 let s = SILENCE.as_secs();
                 return malformed(format!(
-                    "it has sent nothing for {s} s, and another sender wants its place"
+                    "it has sent nothing for {s} s, and another sender needs its connection"
                 ));
             }
             match self.from.read(&mut into[read..]) {
@@ -223,7 +223,7 @@ fn deliver_frames<R: Read>(bytes: &mut Bytes<'_, R>, hub: &Hub) -> Result<(), Re
         }
         if time <= before {
             return malformed(format!(
-                "frame {frame} is at {time} s, the one before at {before} s; times have to grow"
+                "frame {frame} is at {time} s, the one before at {before} s; times must increase"
             ));
         }
         before = time;
@@ -264,7 +264,7 @@ fn wait_until_due(at: Tick, frame: u64, hub: &Hub, stop: &AtomicBool) -> Result<
         let early = seconds(at.saturating_sub(now.tick));
         if early > MAX_AHEAD {
             return malformed(format!(
-                "frame {frame} is {early:.1} s ahead of the graph; times have to be seconds, and at most {MAX_AHEAD} s ahead"
+                "frame {frame} is {early:.1} s ahead of the graph; times must be in seconds, and at most {MAX_AHEAD} s ahead"
             ));
         }
         if early <= MARGIN {
@@ -319,7 +319,7 @@ pub fn listen_to_meshes(
                     continue;
                 };
                 senders.retain(|(sender, _)| !sender.is_finished());
-                if senders.len() >= MAX_CONNECTIONS && !make_place(&mut senders, SILENCE) {
+                if senders.len() >= MAX_CONNECTIONS && !close_longest_silent(&mut senders, SILENCE) {
                     hub.refusals.add(Refusal::Malformed);
                     report(&format!(
                         "mesh from {from}: {MAX_CONNECTIONS} others are connected, and no more are accepted"
@@ -342,8 +342,11 @@ pub fn listen_to_meshes(
     }))
 }
 
-/// Closes the connection that has been silent longest, if that is `silence` or more; returns true if it has given its place.
-fn make_place(senders: &mut Vec<(ScopedJoinHandle<'_, ()>, Arc<Activity>)>, silence: Duration) -> bool {
+/// Closes the connection that has been silent longest, if that is `silence` or more; returns true if it will be replaced.
+fn close_longest_silent(
+    senders: &mut Vec<(ScopedJoinHandle<'_, ()>, Arc<Activity>)>,
+    silence: Duration,
+) -> bool {
     let longest = (0..senders.len()).max_by_key(|&k| senders[k].1.silence());
     let Some(k) = longest.filter(|&k| senders[k].1.silence() >= silence) else { return false };
     let (sender, activity) = senders.swap_remove(k);

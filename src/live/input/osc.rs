@@ -86,7 +86,7 @@ fn impact(numbers: &[f64]) -> Option<Impact> {
     impact.is_valid().then_some(impact)
 }
 
-/// What the arguments of a message have to be.
+/// Arguments that a message requires.
 fn wanted(kind: MessageKind) -> &'static str {
     match kind {
         MessageKind::Impact => {
@@ -103,7 +103,7 @@ fn wanted(kind: MessageKind) -> &'static str {
 /// Delivers a message.
 ///
 /// # Errors
-/// A text with what was found and what is needed, if it is malformed.
+/// A text with the value found and what is needed, if it is malformed.
 fn deliver_message(message: &rosc::OscMessage, wait: Duration, hub: &Hub) -> Result<(), String> {
     let address = &message.addr;
     let parts = address.strip_prefix("/foley/").and_then(|path| path.split_once('/'));
@@ -168,7 +168,7 @@ fn element(elements: &[u8]) -> Option<(&[u8], &[u8])> {
 /// Arrays are refused before they are decoded: no message has one, and to free them takes stack for each level.
 ///
 /// # Errors
-/// A text with what was found.
+/// A text with the value found.
 fn message(packet: &[u8]) -> Result<rosc::OscMessage, String> {
     let address = packet.split(|byte| *byte == 0).next().unwrap_or_default();
     let tags = packet.get(address.len() / 4 * 4 + 4..).and_then(|rest| rest.split(|byte| *byte == 0).next());

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 /// Maximum number of different mistakes that are reported: anybody can cause any number of them.
 const MAX_TEXTS: usize = 32;
 
-/// Why a message is refused.
+/// Reason for which a message is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// It cannot be parsed, or its numbers are not those of its kind.
@@ -86,7 +86,7 @@ impl Refusals {
         self.note(text);
     }
 
-    /// Reports what is unusual about a message once.
+    /// Reports unusual properties of a message once.
     pub fn note(&self, text: impl FnOnce() -> String) {
         let texts = || self.texts.lock().unwrap_or_else(PoisonError::into_inner);
         if texts().known.len() >= MAX_TEXTS {

@@ -1,4 +1,4 @@
-//! The side that must not wait: runs one window after the other for the device.
+//! The realtime side of playback, which must not wait: runs one window after the other for the device.
 
 use super::device_output::DeviceOutput;
 use super::meter::{Histogram, Meter};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed, Ordering::Release};
 use std::time::{Duration, Instant};
 
-/// Largest magnitude that a device gets: 120 dB above full scale, far above any force in N that a graph may record.
+/// Largest magnitude that a device receives: 120 dB above full scale, far above any force in N that a graph may record.
 pub const CEILING: f32 = 1e6;
 /// Windows between two reports of a node whose output is not finite.
 pub const REPORT_INTERVAL: u64 = 64;
@@ -55,9 +55,9 @@ pub struct Swap {
     pub nodes: Vec<(usize, usize)>,
     /// Buffers whose contents move.
     pub buffers: Vec<(usize, usize)>,
-    /// Buffers of cross-fades that get the history of an old buffer before buffers move.
+    /// Buffers of cross-fades that receive the history of an old buffer before buffers move.
     pub fade_seeds: Vec<(usize, usize)>,
-    /// Moved buffers that get the history of the cross-fade that they replace.
+    /// Moved buffers that receive the history of the cross-fade that they replace.
     pub successor_seeds: Vec<(usize, usize)>,
     /// Links that continue.
     pub links: Vec<(usize, usize)>,
@@ -79,7 +79,7 @@ pub enum Command {
     Retune(Retunes),
     /// Replaces the node with this index by a new one of its type and parameters.
     Renew(usize, Box<dyn DynNode>),
-    /// Returns what the nodes have done.
+    /// Surveys the nodes of the region.
     Survey(Box<RegionSurvey>),
 }
 
@@ -89,7 +89,7 @@ pub struct RegionSurvey {
     pub graph: u64,
     /// The region; `None` for that of the callback.
     pub region: Option<usize>,
-    /// What its nodes have done.
+    /// Activity or levels of its nodes.
     pub survey: Survey,
 }
 
@@ -101,7 +101,7 @@ pub enum Reply {
     Retuned(Retunes),
     /// The node that was replaced.
     Renewed(Box<dyn DynNode>),
-    /// What the nodes have done.
+    /// The survey of the nodes of a region.
     Surveyed(Box<RegionSurvey>),
     /// The output of the node with this index is not finite, and silenced.
     NotFinite(usize),
@@ -125,7 +125,7 @@ pub struct Callback {
     taken: usize,
     /// Time that one window lasts.
     budget: Duration,
-    /// The window from which on a node that is not finite is reported again.
+    /// First window at which a node that is not finite is reported again.
     next_report: u64,
 }
 

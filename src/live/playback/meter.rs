@@ -93,7 +93,7 @@ pub struct Meter {
     pub missed: AtomicU64,
     /// Events of windows that did not arrive in time for which there was no room later.
     pub lost_events: AtomicU64,
-    /// Windows in a row, up to now, in which something did not arrive in time.
+    /// Consecutive windows, up to now, in which something did not arrive in time.
     pub missed_in_a_row: AtomicU64,
     /// Windows that took longer to compute than they last.
     pub overruns: AtomicU64,
@@ -119,7 +119,7 @@ impl Meter {
         f32::from_bits(self.peak.swap(0, Relaxed))
     }
 
-    /// Returns the level of all samples that were played, of which there are so many.
+    /// Returns the level of all `samples` that were played.
     pub fn loudness(&self, samples: u64) -> Loudness {
         let over = self.over.load(Relaxed) as f64 / samples.max(1) as f64;
         Loudness { peak: self.loudest().into(), over }

@@ -42,7 +42,7 @@ pub struct RingReceiver {
     dropout: Option<Dropout>,
 }
 
-/// What a receiver did for one window.
+/// Actions of a receiver for one window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Received {
     /// True if a window was due and had not arrived.

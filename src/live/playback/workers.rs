@@ -32,11 +32,11 @@ pub struct WorkerRegion {
     pub failed: bool,
     /// The fault with the index of the node, until it is reported.
     pub fault: Option<(usize, Fault)>,
-    /// True if the windows are late, as the nodes know; `None` before they do.
+    /// The late state that the nodes were last given; `None` before the first.
     pub late: Option<bool>,
     /// A node whose output is not finite, until it is reported.
     pub not_finite: Option<usize>,
-    /// The window from which on such a node is reported again.
+    /// First window at which such a node is reported again.
     pub next_report: u64,
 }
 
@@ -92,7 +92,7 @@ impl WorkerRegion {
 }
 
 impl WorkerRegion {
-    /// Sends what is wrong with a node.
+    /// Sends the fault of a node.
     fn report(&mut self, to: &Sender<WorkerFault>) {
         if let Some((node, fault)) = self.fault.take() {
             let _ = to.send((self.number, node, Some(fault)));
@@ -210,7 +210,7 @@ impl Workers {
         }
     }
 
-    /// Asks what the nodes of a region have done; the answer comes by [`take_survey`](Self::take_survey).
+    /// Requests a survey of the nodes of a region; [`take_survey`](Self::take_survey) returns it.
     pub fn survey(&mut self, number: usize, mut survey: Box<RegionSurvey>) {
         if let Some(region) = self.local.iter_mut().find(|r| r.number == number) {
             region.stage.survey(&mut survey.survey);

@@ -10,10 +10,10 @@ use std::collections::BTreeMap;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
-/// Time of silence from which on the activity of nodes is recorded, and for which it is, s.
+/// Duration of silence after which the activity of nodes is recorded, and duration of the recording, s.
 const HALF: f64 = 0.5;
 
-/// Time of silence from which on nodes are reported that no message reaches, s: what files hold for them may come later.
+/// Duration of silence after which nodes that no message reaches are reported, s: what files hold for them may come later.
 const PATIENCE: f64 = 5.0;
 
 /// Interval between two measurements of the levels of all nodes, and the time that one takes.
@@ -37,11 +37,11 @@ pub struct Surveys {
 /// Measurements of the levels of all nodes, one after the other.
 #[derive(Default)]
 struct NodeLevels {
-    /// When the present step began; `None` if levels are not wanted.
+    /// Start of the present step; `None` if levels are not wanted.
     since: Option<Instant>,
     step: LevelStep,
     answers: Vec<RegionSurvey>,
-    /// Peaks of the last measurement that nobody has taken.
+    /// Peaks of the last measurement that have not been taken.
     last: Option<BTreeMap<String, f32>>,
 }
 
@@ -54,7 +54,7 @@ enum LevelStep {
 }
 
 impl Surveys {
-    /// Forgets what is known of the graph before.
+    /// Discards the surveys of the graph before.
     pub fn begin_again(&mut self) {
         let levels = NodeLevels { since: self.levels.since, ..NodeLevels::default() };
         *self = Self { graph: self.graph + 1, levels, ..Self::default() };
@@ -74,7 +74,7 @@ impl Surveys {
 }
 
 impl Player {
-    /// Surveys the nodes while nothing is heard, and reports what is silent although something comes in.
+    /// Surveys the nodes during silence, and reports nodes that are silent although input arrives.
     pub(super) fn watch_silence(&mut self) {
         let windows = |seconds: f64| {
             (seconds * self.timing.rate.as_f64() / self.timing.quantum.max(1) as f64).ceil() as u64
@@ -116,7 +116,7 @@ impl Player {
         }
     }
 
-    /// Asks all regions what their nodes have done, and to record it from now on, or not.
+    /// Requests the activity of the nodes of all regions, and sets if it is recorded from now on.
     fn request_survey(&mut self, record: bool) {
         self.surveys.answers.clear();
         self.surveys.requests += 1;

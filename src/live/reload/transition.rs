@@ -366,7 +366,7 @@ impl TransitionGraph {
         self.fades.is_empty()
     }
 
-    /// Sets the begin of the cross-fades, from the delays and the first tick `at`: the time at which the look-behind of
+    /// Sets the start of the cross-fades, from the delays and the first tick `at`: the time at which the look-behind of
     /// the new nodes upstream is filled. Returns the tick of the run at which the last cross-fade is over.
     pub fn set_fades(&mut self, delays: &Delays, at: Tick) -> Tick {
         let mut valid = vec![0; self.graph.nodes.len()];

@@ -20,7 +20,7 @@ pub(super) struct Completion<'a> {
     pub(super) following: &'a [String],
 }
 
-/// Something to insert: its label, what is inserted outside of quotes, and more about it.
+/// A completion: its label, the text to insert outside of quotes, and its documentation.
 #[derive(Default)]
 pub(super) struct Item {
     pub(super) label: String,
@@ -35,7 +35,7 @@ pub(super) struct Item {
 }
 
 impl Completion<'_> {
-    /// The items with the typed letters; a list that is not complete is asked for again.
+    /// The items with the typed letters; an incomplete list is requested again.
     pub(super) fn list(&self, items: Vec<Item>) -> CompletionList {
         let count = items.len();
         let mut fitting: Vec<Item> = items.into_iter().filter(|item| self.fits(&item.label)).collect();
@@ -100,7 +100,7 @@ impl Completion<'_> {
         }
     }
 
-    /// Returns true if a field or key stands in the innermost bracket already.
+    /// Returns true if the innermost bracket already contains a field or key.
     pub(super) fn is_given(&self, frame: &Frame, name: &str) -> bool {
         frame.given.iter().chain(self.following).any(|given| given == name)
     }

@@ -13,7 +13,7 @@ use std::path::Path;
 const MAX_DEPTH: usize = 3;
 
 impl Completion<'_> {
-    /// Outputs that an input takes; those before the node, and of the rate of its other inputs, come first.
+    /// Outputs that an input accepts; outputs of nodes before this one, and of the rate of its other inputs, come first.
     pub(super) fn links(&self, id: &str, port: &PortSpec, in_list: bool) -> Vec<Item> {
         if self.typed().starts_with('$') {
             return Vec::new();
@@ -64,7 +64,7 @@ impl Completion<'_> {
         rates.next()
     }
 
-    /// Calls `visit` with each output of the nodes of a file and its sub-graphs: the link, the type, the output, and the place of
+    /// Calls `visit` with each output of the nodes of a file and its sub-graphs: the link, the type, the output, and the location of
     /// the node in the file of the request.
     pub(super) fn outputs(
         &self,

@@ -7,7 +7,7 @@ use crate::lsp::workspace::beside;
 use foley_nodes::core::params::{ParamKind, ParamSpec};
 use lsp_types::CompletionItemKind;
 
-/// Maximum number of files of a folder that are looked at.
+/// Maximum number of files of a folder that are examined.
 const MAX_FILES: usize = 4000;
 
 /// Files that a field takes.

@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub enum Source {
     /// In memory.
     Bytes(Arc<[u8]>),
-    /// In an open file, which stays readable when another process removes it.
+    /// In an open file, which remains readable when another process removes it.
     File(Mutex<File>),
 }
 
@@ -27,7 +27,7 @@ impl Source {
     /// Finds and verifies the stream of a key; files of up to `max_bytes` are read into memory.
     ///
     /// # Errors
-    /// When a file of this name exists, but is not a complete entry of the key.
+    /// If a file of this name exists, but is not a complete entry of the key.
     pub fn find(
         path: &Path,
         key: &str,

@@ -1,4 +1,4 @@
-//! Traces silence: what each output on the way to a file or a tap carried, and where the sound is lost.
+//! Traces silence: the level of each output on the way to a file or a tap, and the nodes at which the sound is lost.
 
 mod text;
 
@@ -21,7 +21,7 @@ use std::sync::Arc;
 const STRETCH: f64 = 0.5;
 /// Largest number of stretches of one output that are traced: the longest.
 const MAX_STRETCHES: usize = 4;
-/// What is left out at both ends of a stretch, in which an input may still or already be active, s.
+/// Duration that is left out at both ends of a stretch, where an input may still or already be active, s.
 const MARGIN: f64 = 0.1;
 
 /// Observes the outputs of all nodes from which streams or events lead to files and taps.
@@ -31,7 +31,7 @@ pub struct Trace {
     tapped: Vec<Output>,
 }
 
-/// What one output has carried.
+/// Activity of one output.
 #[derive(Debug, Default)]
 struct Activity {
     kind: Option<PortKind>,
@@ -85,16 +85,16 @@ pub struct OutputLevel {
     pub events: Option<u64>,
     /// True if there was a number that is not 0, or an event.
     pub active: bool,
-    /// Start and end of what is above -80 dB of its peak, s.
+    /// Start and end of the part above -80 dB of its peak, s.
     pub span: Option<[f64; 2]>,
 }
 
-/// A port of a node, and what it carried.
+/// A port of a node, and its level.
 #[derive(Clone, Debug, Serialize)]
 pub struct PortLevel {
     /// Its name.
     pub port: &'static str,
-    /// Of an input, the output that it reads, `NODE.PORT`.
+    /// The output that an input reads, `NODE.PORT`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
     /// Its level.
@@ -116,7 +116,7 @@ pub struct Step {
     pub outputs: Vec<PortLevel>,
 }
 
-/// How much of an output is silent.
+/// Part of an output that is silent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Extent {
@@ -131,18 +131,18 @@ pub enum Extent {
 /// A node at which sound is lost.
 #[derive(Clone, Debug, Serialize)]
 pub struct Loss {
-    /// How much is lost.
+    /// Part of the output that is lost.
     pub extent: Extent,
     /// The output that is silent for it, `NODE.PORT`.
     pub silent: String,
     /// Start and end of a stretch, s.
     pub time: Option<[f64; 2]>,
-    /// The first node upstream that gives nothing although something arrives, or that nothing feeds.
+    /// The first node upstream that gives nothing although it receives something, or that nothing feeds.
     pub node: String,
     /// Its type.
     #[serde(rename = "type")]
     pub kind: &'static str,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
@@ -151,9 +151,9 @@ pub struct Loss {
 pub struct TracedOutput {
     /// The file as the graph names it, or the tapped output.
     pub output: String,
-    /// What arrives there.
+    /// Levels of the ports that feed it.
     pub levels: Vec<PortLevel>,
-    /// Where sound is lost.
+    /// Nodes at which sound is lost.
     pub losses: Vec<Loss>,
     /// The nodes on the path, sources first.
     pub path: Vec<Step>,

@@ -41,7 +41,7 @@ impl Loss {
 }
 
 impl TracedOutput {
-    /// Lines for people: the level and where sound is lost, then the path if it is.
+    /// Readable lines: the level and the nodes at which sound is lost, then the path if it is lost.
     #[must_use]
     pub fn text(&self) -> String {
         let level = |arrives: &PortLevel| {
@@ -103,7 +103,7 @@ impl TracedOutput {
         out
     }
 
-    /// The steps that are listed: all, or in a large graph those that lose the sound, what they read, and what follows them.
+    /// The steps that are listed: all, or in a large graph the ones that lose the sound and their neighbours.
     fn shown(&self) -> Vec<&Step> {
         if self.path.len() <= MAX_STEPS {
             return self.path.iter().collect();

@@ -25,10 +25,10 @@ const SAMPLES: usize = 16;
 /// Triangles of its own cloth that a vertex cannot touch. Incident triangles are always excluded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Exclude {
-    /// Those with a corner nearer along the rest edges than twice the radius or the longest rest edge at the vertex.
+    /// Triangles with a corner nearer along the rest edges than twice the radius or the longest rest edge at the vertex.
     #[default]
     Auto,
-    /// Those with a corner nearer along the rest edges than this distance, metres.
+    /// Triangles with a corner nearer along the rest edges than this distance, metres.
     Distance(f32),
     /// Only the incident ones.
     IncidentOnly,

@@ -65,7 +65,7 @@ pub struct Detection {
     pub crowded: bool,
 }
 
-/// Leaves that overlap the box of a cluster of vertices, on average, from which on a frame is crowded. Cloth in a heap has tens.
+/// Mean number of leaves that overlap the box of a cluster of vertices at which a frame counts as crowded. Cloth in a heap has tens.
 const CROWDED_LEAVES: usize = 256;
 /// Leaves that a search visits beyond the average of a crowded frame before it finds out whether the frame is.
 const JUDGED_LEAVES: usize = 2048;

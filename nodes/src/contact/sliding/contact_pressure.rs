@@ -1,4 +1,4 @@
-//! The node `ContactPressure`: how firmly each vertex presses on what it touches, relative to a light contact.
+//! The node `ContactPressure`: the pressure of each vertex on the surface that it touches, relative to a light contact.
 
 use crate::contact::item::{Contact, Contacts, Pressures};
 use crate::core::fault::{Fault, Reject};
@@ -9,7 +9,7 @@ use crate::core::time::Rate;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Estimates how firmly each vertex of a cloth presses on what it touches, from the distance of the layers and from their closing speed.
+    /// Estimates the contact pressure of each vertex of a cloth from the distance of the layers and from their closing speed.
     ///
     /// A simulation without forces shows pressure as compression: layers that are pressed together are nearer than those that rest on each other,
     /// and layers that meet approach fast. The pressure is (2 (1 - d / radius))^distance (1 + v / approach) for the distance d and the
@@ -143,7 +143,7 @@ impl Node for ContactPressure {
         let mean = self.sum / self.count.max(1) as f64;
         let mut summary: Summary = vec![("mean_pressure", mean.into())];
         if self.count == 0 {
-            let text = "nothing touches nearer than `radius`, and friction by these pressures is silent: is it `radius` of ContactDetector?";
+            let text = "no contact is nearer than `radius`, so friction by these pressures is silent: set it to `radius` of ContactDetector";
             summary.push(("warning", text.into()));
         }
         Ok(summary)

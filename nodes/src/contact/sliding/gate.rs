@@ -41,7 +41,7 @@ impl GateMode {
     }
 }
 
-/// Returns the look-ahead of [`IntervalGate`] in frames: ceil(max_hold fps).
+/// Returns the look-ahead of [`IntervalGate`], `ceil(max_hold fps)` frames.
 #[must_use]
 pub fn hold_frames(max_hold: f64, frames_per_second: f64) -> usize {
     // 0.1 s at 30 frames per second is 3 frames, although the product in binary is slightly above 3.

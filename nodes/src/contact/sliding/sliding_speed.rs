@@ -220,12 +220,12 @@ impl Node for SlidingSpeed {
         ];
         let warning = match (report.moving, report.passed) {
             (0, _) => Some(
-                "nothing ever slides, and what is made of these speeds is silent: is `radius` of ContactDetector too small, or \
-                 `metres_per_unit` of the mesh not right?"
+                "nothing slides, so the sound of these speeds is silent: `radius` of ContactDetector may be too small, or \
+                 `metres_per_unit` of the mesh wrong"
                     .to_owned(),
             ),
             (_, 0) => Some(format!(
-                "nothing slides faster than `threshold` {} m/s, and what is made of these speeds is silent",
+                "nothing slides faster than `threshold`, {} m/s, so the sound of these speeds is silent",
                 self.params.threshold
             )),
             _ => None,

@@ -36,8 +36,8 @@ pub fn altered_content(found: &str, wanted: &str, remedy: &str) -> Option<String
     (!found.is_empty() && found != wanted).then(|| {
         let found: String = found.chars().take(40).collect();
         format!(
-            "`content` is {found:?}, and the digest of what the file holds is {wanted:?}: it was changed by hand; {remedy} again, or \
-             leave `content` out"
+            "`content` is {found:?}, but the digest of the contents of the file is {wanted:?}: it was changed by hand; {remedy} again, \
+             or leave `content` out"
         )
     })
 }

@@ -5,7 +5,7 @@ use super::time::Tick;
 /// Maximum number of numbers in a message.
 pub const MAX_COUNT: usize = 24;
 
-/// What a message is about.
+/// Kind of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum MessageKind {
     /// An impact.
@@ -54,7 +54,7 @@ impl Message {
         })
     }
 
-    /// What it is about.
+    /// Its kind.
     #[must_use]
     pub fn kind(&self) -> MessageKind {
         self.kind
@@ -90,7 +90,7 @@ pub trait Display: Send {
     fn show(&mut self, peak: f32, rms: f64);
 }
 
-/// What nodes of a playing graph exchange with the outside: messages and frames, and levels for a display.
+/// Exchange of nodes of a playing graph with the outside: messages and frames, and levels for a display.
 pub trait Inputs: Send + Sync {
     /// Starts to collect the messages of a kind on a channel, of which the node reads the first `numbers` numbers; `None` if none can
     /// come, as in an offline run.

@@ -1,4 +1,4 @@
-//! Why a node has given nothing.
+//! Reasons for which a node has given nothing.
 
 use super::unmatched::Unmatched;
 use std::fmt::{self, Display};
@@ -6,7 +6,7 @@ use std::fmt::{self, Display};
 /// Maximum number of kinds of frames.
 const MAX_KINDS: usize = 6;
 
-/// Why a node has given nothing so far, although it got something.
+/// Reason for which a node has given nothing so far, although it received something.
 ///
 /// It owns no memory, so that a node can return it in an audio callback; [`Display`] puts it into words for the one who reads it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub enum Silence {
     Off,
     /// It reads one object, and nothing was of that.
     NoObject {
-        /// What it reads, in the singular.
+        /// Name of what it reads, in the singular.
         item: &'static str,
         /// The object.
         object: u32,
@@ -100,7 +100,7 @@ impl Display for Silence {
             Self::Unheard(frames) => {
                 let kinds = frames.kinds.into_iter().flatten();
                 let all: u64 = kinds.clone().map(|(_, count, _)| count).sum();
-                write!(f, "of {all} frames none is heard: ")?;
+                write!(f, "none of {all} frames is audible: ")?;
                 for (k, (kind, count, off)) in kinds.enumerate() {
                     let separator = if k > 0 { ", " } else { "" };
                     write!(f, "{separator}{count} {kind}")?;
@@ -147,7 +147,7 @@ mod tests {
             (Silence::NoBody { object: 9, others }, "no contact is of 9; there are 1-2, 2-3"),
             (
                 Silence::Unheard(kinds.into_iter().collect()),
-                "of 692 frames none is heard: 602 static, 90 unsteady (`unsteady` is 0)",
+                "none of 692 frames is audible: 602 static, 90 unsteady (`unsteady` is 0)",
             ),
             (Silence::Off, "a linked strength is 0"),
         ] {

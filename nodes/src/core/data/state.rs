@@ -71,7 +71,7 @@ pub trait Stateful {
     /// Saves the state, or replaces it.
     ///
     /// # Errors
-    /// When what was saved is not of this kind.
+    /// If the saved state is not of this kind.
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
 }
 
@@ -97,7 +97,7 @@ pub fn archive_position<W: Write + Seek + ?Sized>(
     sink: &mut W,
     archive: &mut StateArchive<'_>,
 ) -> Result<(), Fault> {
-    let failed = |e: std::io::Error| Fault::new("F080", format!("an output cannot be gone on with: {e}"));
+    let failed = |e: std::io::Error| Fault::new("F080", format!("an output cannot be continued: {e}"));
     let mut place = if archive.restores() { 0 } else { sink.stream_position().map_err(failed)? };
     place.archive_state(archive)?;
     sink.flush().map_err(failed)?;

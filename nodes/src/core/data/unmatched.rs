@@ -1,4 +1,4 @@
-//! What a filter has refused, for the report of a node that stays silent.
+//! Items that a filter refused, for the report of a node that stays silent.
 
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;

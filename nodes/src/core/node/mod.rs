@@ -107,7 +107,7 @@ pub trait Node: Sized + Send + 'static {
         Ok(Summary::new())
     }
 
-    /// Returns why it has given nothing so far, although it got something; `None` if it has given something, or knows no reason.
+    /// Returns the reason for which it has given nothing so far although it received something; `None` if it has given something, or has no reason.
     ///
     /// A node that can refuse or swallow its input has a reason. Nothing may be allocated here.
     fn silence(&self) -> Option<Silence> {
@@ -123,14 +123,14 @@ pub trait Node: Sized + Send + 'static {
         Retune::Rebuild
     }
 
-    /// Takes over the state of the node that it replaces, as far as it fits.
+    /// Takes over the parts of the state of the node that it replaces that fit.
     ///
     /// The old node sounds on until it has been faded out, so it has to stay as it is. Nothing may be allocated here.
     fn adopt(&mut self, old: &mut Self) {
         let _ = old;
     }
 
-    /// Learns that the windows from now on are late in a graph that plays (true), or that its thread has caught up.
+    /// Receives true if the windows from now on are late in a graph that plays, and false when its thread has caught up.
     ///
     /// Late windows are not audible: an expensive node leaves out work whose result only they have. Nothing may be allocated
     /// here. An offline run is never late.
@@ -144,7 +144,7 @@ pub trait Node: Sized + Send + 'static {
     /// A node whose windows depend on its inputs and its parameters alone has no state.
     ///
     /// # Errors
-    /// When what was saved is not of this node.
+    /// If the saved state is not of this node.
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault> {
         let _ = archive;
         Ok(())

@@ -1,4 +1,4 @@
-//! Node types as values: what the runtime, the documentation and the editors read of them.
+//! Node types as values, which the runtime, the documentation and the editors read.
 
 use super::{Class, Each, Func, Node, PerItem, Retune, Summary};
 use crate::core::fault::{Fault, Reject};

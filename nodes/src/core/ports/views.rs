@@ -39,7 +39,7 @@ impl<T: Item> In<'_, T> {
         &self.items
     }
 
-    /// Item `k` of the window; negative before it, from `len` on after it, as far as the shape declared.
+    /// Item `k` of the window; negative before it, from `len` on after it, within the declared shape.
     #[must_use]
     pub fn item(&self, k: isize) -> &[T::Elem] {
         let at = (self.behind as isize + k) as usize * self.width;

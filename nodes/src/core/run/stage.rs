@@ -58,7 +58,7 @@ pub struct Stage {
     guarded: bool,
     /// The first node with such an output since the last look.
     not_finite: Option<usize>,
-    /// For each node, a bit for each of its first 64 outputs that has carried anything; empty if this is not recorded.
+    /// For each node, a bit for each of its first 64 outputs that has been active; empty if this is not recorded.
     active: Vec<u64>,
     /// For each node, the largest magnitude in its streams of numbers; empty if this is not recorded.
     peaks: Vec<f32>,
@@ -93,12 +93,12 @@ impl Stage {
         }
     }
 
-    /// Records from now on which outputs carry anything.
+    /// Records from now on which outputs are active.
     pub fn set_activity(&mut self) {
         self.active = vec![0; self.nodes.len()];
     }
 
-    /// The outputs of a node that have carried anything since [`set_activity`](Self::set_activity), a bit for each of the first 64: a
+    /// The outputs of a node that have been active since [`set_activity`](Self::set_activity), a bit for each of the first 64: a
     /// number that is not 0, an event, or an item of another type.
     #[must_use]
     pub fn activity(&self, node: usize) -> Option<u64> {
@@ -116,7 +116,7 @@ impl Stage {
         self.guarded = guarded;
     }
 
-    /// Tells all nodes whether the windows from now on are late: see [`Node::set_late`](crate::core::node::Node::set_late).
+    /// Sets if the windows from now on are late, for all nodes: see [`Node::set_late`](crate::core::node::Node::set_late).
     pub fn set_late(&mut self, late: bool) {
         self.nodes.iter_mut().for_each(|n| n.node.set_late(late));
     }
@@ -250,7 +250,7 @@ impl Stage {
         Ok(summaries)
     }
 
-    /// Returns what the nodes have done since the last survey, and why they have given nothing so far. Nothing is allocated or freed here.
+    /// Returns the activity of the nodes since the last survey, and the reasons for which they have given nothing so far. Nothing is allocated or freed here.
     pub fn survey(&mut self, survey: &mut Survey) {
         if let Some(active) = &mut survey.active {
             std::mem::swap(&mut self.active, active);
@@ -370,8 +370,7 @@ fn outgrown(nodes: &[StageNode], buffer: usize, bytes: usize) -> StageFault {
     };
     let reads = |n: &StageNode| n.inputs.iter().flatten().any(of);
     let place = nodes.iter().position(writes).or_else(|| nodes.iter().position(reads));
-    let message =
-        format!("a buffer of events has grown to {bytes} bytes, and the memory limit leaves no more for it");
+    let message = format!("an event buffer has grown to {bytes} bytes, and the memory limit allows no more");
     (
         place.unwrap_or(0),
         Fault::new("F050", message).help("allow more with --memory, or use a shorter --window"),

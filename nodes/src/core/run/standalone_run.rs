@@ -101,7 +101,7 @@ impl StandaloneRun {
         }
     }
 
-    /// Returns true if no output has carried anything so far; see [`Stage::activity`].
+    /// Returns true if no output has been active so far; see [`Stage::activity`].
     #[must_use]
     pub fn is_silent(&self) -> bool {
         self.stage.activity(self.at) == Some(0)

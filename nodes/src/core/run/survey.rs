@@ -1,8 +1,8 @@
-//! What the nodes of a stage have done: activity, levels, and why some give nothing.
+//! Survey of the nodes of a stage: activity, levels, and why some give nothing.
 
 use crate::core::silence::Silence;
 
-/// What the nodes of a stage have done, taken by [`Stage::survey`](super::stage::Stage::survey).
+/// Activity or levels of the nodes of a stage, taken by [`Stage::survey`](super::stage::Stage::survey).
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
     /// `None` for a survey of levels.
@@ -13,14 +13,14 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// A survey of a stage with this number of nodes, from which on their activity is recorded, or not (`false`).
+    /// A survey of a stage with this number of nodes. If `record` is true, the stage records their activity afterwards.
     #[must_use]
     pub fn new(nodes: usize, record: bool) -> Self {
         let active = vec![0; if record { nodes } else { 0 }];
         Self { active: Some(active), silence: vec![None; nodes], peaks: None }
     }
 
-    /// A survey of the levels of a stage with this number of nodes, from which on they are recorded, or not (`false`).
+    /// A survey of the levels of a stage with this number of nodes. If `record` is true, the stage records them afterwards.
     #[must_use]
     pub fn of_levels(nodes: usize, record: bool) -> Self {
         let peaks = vec![0.0; if record { nodes } else { 0 }];
@@ -45,7 +45,7 @@ impl Survey {
         self.active.as_ref()?.get(node).copied()
     }
 
-    /// Why a node has given nothing so far.
+    /// Reason for which a node has given nothing so far.
     #[must_use]
     pub fn silence(&self, node: usize) -> Option<Silence> {
         *self.silence.get(node)?

@@ -103,7 +103,7 @@ impl Wiring {
             }
             LinkShape::Events(stop) => {
                 let event = feed.event_type();
-                let event = event.expect("a feed of events knows their type");
+                let event = event.expect("a feed of events has their type");
                 let span = reader.delay + window + behind as Tick + ahead as Tick;
                 let buffer = self.buffer((event.buffer)(span, &Budget::default()));
                 let write = self.feed_clock(None, *stop);

@@ -39,7 +39,7 @@ fn largest_bits(samples: &[f32], least: u32) -> u32 {
     samples.iter().fold(least, |largest, x| (x.to_bits() & 0x7fff_ffff).max(largest))
 }
 
-/// The outputs of a node that carry something in this window, of those that have not yet.
+/// The outputs of a node that are active for the first time in this window.
 pub(super) fn newly_active(cx: &Cx<'_>, active: u64) -> u64 {
     let mut found = 0;
     for (port, wire) in cx.outputs.iter().enumerate().take(64) {

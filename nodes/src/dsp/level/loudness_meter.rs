@@ -10,7 +10,7 @@ use crate::impl_state;
 const HOPS: usize = 4;
 /// Loudness of the absolute gate, LUFS.
 const GATE: f64 = -70.0;
-/// Relative gate below the mean of what passes the absolute gate, LU.
+/// Relative gate below the mean of the blocks that pass the absolute gate, LU.
 const RELATIVE: f64 = 10.0;
 /// Classes of block loudness per LU, and their number: -70 to +30 LUFS.
 const PER_LU: f64 = 10.0;

@@ -1,4 +1,4 @@
-//! What of a whole sound is heard: its levels, and where its energy lies.
+//! Figures of a whole sound: its levels, and the distribution of its energy over frequency.
 
 use super::loudness_meter::LoudnessMeter;
 use super::meter::LevelMeter;

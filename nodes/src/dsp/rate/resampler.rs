@@ -147,7 +147,7 @@ impl Resampler {
     /// Resamples a whole mono signal, with silence before and after it.
     ///
     /// # Errors
-    /// Those of [`Resampler::process`].
+    /// As [`Resampler::process`].
     pub fn whole(&self, x: &[f32]) -> Result<Vec<f32>, DspError> {
         let outputs = (x.len() as i128 * self.per).div_euclid(self.step);
         let outputs = outputs as i64 + i64::from(outputs * self.step < x.len() as i128 * self.per);

@@ -74,10 +74,10 @@ fn unreadable(part: &str, e: &midly::Error) -> String {
 /// over 127; times follow the changes of tempo of all tracks.
 ///
 /// # Errors
-/// A message with the track, what was found, and what would be right.
+/// A message with the track, the value found, and what is needed.
 pub fn read_midi_notes(bytes: &[u8], rules: NoteRules) -> Result<Vec<(f64, Trigger)>, String> {
     if !bytes.starts_with(b"MThd") {
-        return Err("this is no standard MIDI file, which begins with `MThd`".into());
+        return Err("this is not a standard MIDI file, which begins with `MThd`".into());
     }
     // The decoder cannot negate this number of frames.
     if bytes.get(12) == Some(&0x80) {
@@ -211,7 +211,7 @@ mod tests {
         let last = midi_file(0, 1, &[b"\xff\xff\xff\x7f\x90\x3c\x7f"]);
         for (file, part) in [
             (&b"MThd"[..], "header: invalid midi header; a complete MIDI file is needed"),
-            (b"RIFF\0\0\0\0RMID", "no standard MIDI file"),
+            (b"RIFF\0\0\0\0RMID", "not a standard MIDI file"),
             (&good[..good.len() - 3], "track 2: invalid chunk; a complete MIDI file is needed"),
             (&good[..good.len() - 16], "ends after 1 track(s); its header announces 2"),
             (&no_status, "track 1, tick 0: malformed event"),

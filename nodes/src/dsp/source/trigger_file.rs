@@ -161,7 +161,7 @@ mod tests {
             assert_eq!(run.events(TriggerFilePorts::triggers), [(ticks(0.5), want)]);
         }
         let reject = standalone("notes.mid", "time_s\n0\n").shape().unwrap_err();
-        assert!(reject.code == "F152" && reject.message.contains("no standard MIDI file"), "{reject}");
+        assert!(reject.code == "F152" && reject.message.contains("not a standard MIDI file"), "{reject}");
     }
 
     #[test]

@@ -38,7 +38,7 @@ fn number(text: &str, low: f64, high: f64) -> Result<f64, String> {
     value.ok_or_else(|| format!("{:?}; a number from {low} to {high} is needed", excerpt(text)))
 }
 
-/// Sets the field of a column; returns what is wrong with its text.
+/// Sets the field of a column; returns a description of the mistake in its text.
 fn set(column: Column, text: &str, time: &mut f64, trigger: &mut Trigger) -> Result<(), String> {
     let [low, high] = [*Trigger::RATIOS.start(), *Trigger::RATIOS.end()].map(f64::from);
     match column {
@@ -58,7 +58,7 @@ fn set(column: Column, text: &str, time: &mut f64, trigger: &mut Trigger) -> Res
 /// in any order; in the order of the file.
 ///
 /// # Errors
-/// A message with line and column, what was found, and what would be right.
+/// A message with line and column, the value found, and what is needed.
 ///
 /// # Example
 /// ```

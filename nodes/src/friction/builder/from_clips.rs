@@ -116,7 +116,7 @@ pub fn from_clips(
 ) -> Result<FrictionModel, BuildError> {
     let fs = recordings.iter().map(|r| r.fs).fold(1.0, f64::max);
     let len = checked_clip(params.clip, fs)?;
-    check("hop", params.hop, 1.0 / fs..=1e3, "a distance of at min_power one sample is needed")?;
+    check("hop", params.hop, 1.0 / fs..=1e3, "a distance of at least one sample is needed")?;
     check(
         "silence",
         params.silence,
@@ -125,7 +125,7 @@ pub fn from_clips(
     )?;
     check("slowest", params.slowest, f64::MIN_POSITIVE..=f64::MAX, "a speed above 0 m/s is needed")?;
     let fastest_range = params.slowest * 1.001..=f64::MAX;
-    check("fastest", params.fastest, fastest_range, "a speed at min_power 0.1 % above `slowest` is needed")?;
+    check("fastest", params.fastest, fastest_range, "a speed at least 0.1 % above `slowest` is needed")?;
     check_model((params.n_speed, params.high_pass, params.contact_area), fs)?;
     if let SpeedLaw::Exponent(e) = params.law {
         check("exponent", e, 1e-3..=100.0, "a power above 0 is needed (amplitude ~ speed^exponent)")?;

@@ -30,7 +30,7 @@ params! {
     /// (`harmonics: 1`, `coherence: 1`) that rises more slowly. The line is noise: its partials change amplitude and phase at random
     /// within `coherence` periods. `noise` is the share of power of white noise.
     ///
-    /// Its spectra at every speed are known, so that a `FrictionModelBuilder` and what follows it can be checked without a roller.
+    /// Its spectra at every speed are known, so that a `FrictionModelBuilder` and the nodes after it can be checked without a roller.
     ///
     /// # Randomness
     /// A sample depends on the seed and the sample index only.

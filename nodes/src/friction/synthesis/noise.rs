@@ -123,7 +123,7 @@ struct Sliding {
 pub struct IftNoise<R = Mono> {
     table: SpectrumTable,
     params: IftNoiseParams,
-    /// Of [`Magnitude::Rayleigh`].
+    /// The distribution of [`Magnitude::Rayleigh`].
     rayleigh: Option<Rayleigh>,
     /// Power gain per vertex.
     gains: Vec<f64>,

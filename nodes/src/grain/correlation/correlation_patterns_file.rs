@@ -4,7 +4,7 @@ use super::patterns::CorrelationPatterns;
 use crate::artefact_file;
 
 artefact_file! {
-    /// Correlation patterns from a file, as a tap of `GrainCorrelate` wrote it: `--tap patterns=stone.patterns.bin`.
+    /// Correlation patterns from a file that a tap of `GrainCorrelate` wrote: `--tap patterns=stone.patterns.bin`.
     ///
     /// They belong to the dictionary that they were made with. A file of another version or with damage is an error.
     pub struct CorrelationPatternsFile / CorrelationPatternsFileParams / CorrelationPatternsFilePorts / CorrelationPatternsFileIo, version 1;

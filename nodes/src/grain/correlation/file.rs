@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// The first bytes of a file of patterns.
 const MAGIC: &[u8] = b"foley:FPAT\n";
 
-/// Patterns whose peaks are small integers, of which each takes one to three bytes.
+/// Patterns whose peaks are small integers, each of one to three bytes.
 #[derive(Serialize, Deserialize)]
 struct Stored {
     rate: f64,

@@ -25,9 +25,9 @@ choices! {
 choices! {
     /// Norm that a correlation is divided by, beside that of the grain.
     pub enum Normalise {
-        /// That of the recording under the grain: soft passages count as much as loud ones.
+        /// The norm of the recording under the grain: soft passages count as much as loud ones.
         Local,
-        /// That of the whole recording: loud passages have most of the peaks.
+        /// The norm of the whole recording: loud passages have most of the peaks.
         Global,
     }
 }
@@ -42,11 +42,11 @@ choices! {
 }
 
 params! {
-    /// Finds where the grains of a dictionary occur in recordings, by normalised cross-correlation.
+    /// Finds the occurrences of the grains of a dictionary in recordings, by normalised cross-correlation.
     ///
-    /// Every recording is correlated with every grain. The peaks of all correlations, with the gain that each grain has there, are the pattern
-    /// of a recording: `PatternResynth` plays the recording from it. Patterns may be of other recordings than the grains; then the sound is
-    /// made of other material in the rhythm of the recording.
+    /// Every recording is correlated with every grain. The pattern of a recording consists of the peaks of all correlations, with the gain of
+    /// each grain: `PatternResynth` plays the recording from it. Patterns may be of other recordings than the grains; then the sound consists
+    /// of other material in the rhythm of the recording.
     ///
     /// The effort is at most that of one transform for each grain and each 6,000 to 13,000 samples of sound; where the frequencies of both show that no peak
     /// would be retained, there is none. A tap of `patterns` as BIN writes a file for
@@ -70,7 +70,7 @@ params! {
         polarity: Polarity = Polarity::Positive;
         /// Level below which a recording correlates with nothing, relative to its peak.
         floor: f64 = -70.0, unit "dB", range -200.0..=0.0;
-        /// Correlate steady parts with transient grains too, and whole recordings with both.
+        /// Also correlate steady parts with transient grains, and whole recordings with both.
         cross_component: bool = false;
     }
 }

@@ -2,10 +2,10 @@
 
 use crate::dsp::db_to_linear;
 
-/// Outputs that are skipped, or normalised, together.
+/// Number of outputs that are skipped, or normalised, together.
 pub const BLOCK: usize = 64;
 
-/// What a correlation is divided by, and when it is 0.
+/// Norms by which correlations are divided, and the floor below which a correlation is 0.
 #[derive(Clone, Debug)]
 pub struct Normaliser {
     /// Sum of the squares of the samples before each.
@@ -17,7 +17,7 @@ pub struct Normaliser {
 }
 
 impl Normaliser {
-    /// For a recording. Windows with a root mean square below `floor_db` of its peak, or below -120 dB of full scale, correlate with nothing.
+    /// Creates the norms of a recording. Windows with a root mean square below `floor_db` of its peak, or below -120 dB of full scale, have no correlation.
     #[must_use]
     pub fn new(x: &[f32], floor_db: f64, is_global: bool) -> Self {
         let mut energy = Vec::with_capacity(x.len() + 1);
@@ -60,7 +60,7 @@ impl Normaliser {
         common.max(self.floor * (len as f64).sqrt())
     }
 
-    /// As [`Self::least`], found in parts of `count`, since it is closer for few windows.
+    /// As [`Self::least`], found in parts of `count`, since the bound is tighter for few windows.
     #[must_use]
     pub fn least_of(&self, t: usize, count: usize, len: usize) -> f64 {
         (t..t + count).step_by(BLOCK).map(|t| self.least(t, BLOCK, len)).fold(f64::INFINITY, f64::min)

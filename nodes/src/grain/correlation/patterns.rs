@@ -1,4 +1,4 @@
-//! Where grains occur in recordings.
+//! Correlation patterns: the occurrences of grains in recordings.
 
 use crate::core::item::Data;
 use crate::core::node::Summary;
@@ -188,7 +188,7 @@ impl CorrelationPatterns {
         Ok(())
     }
 
-    /// Checks what does not depend on the dictionary.
+    /// Checks everything that does not depend on the dictionary.
     ///
     /// # Errors
     /// The first thing found.

@@ -48,7 +48,7 @@ pub struct GrainCorrelation<'a> {
     pub normaliser: &'a Normaliser,
     /// Take peaks of the magnitude.
     pub absolute: bool,
-    /// The transforms that compute `y`, whose rounding errors count as if they raised each value; none if it is there and exact.
+    /// The transforms that compute `y`, with their rounding errors added to each value; none if it is there and exact.
     pub transforms: Option<Transforms<'a>>,
     scores: &'a mut Scores,
 }

@@ -36,9 +36,9 @@ pub struct CorrelateRules {
     pub global: bool,
     /// Take peaks of the magnitude, with their sign.
     pub absolute: bool,
-    /// Level below which a window correlates with nothing, dB relative to the peak of the recording.
+    /// Level below which a window has no correlation, dB relative to the peak of the recording.
     pub floor: f64,
-    /// Correlate steady parts with transient grains and so on.
+    /// Correlate steady parts with transient grains and vice versa.
     pub cross_component: bool,
     /// Leave out transforms of blocks where the energies of bands of frequencies show that no peak is retained. The result is the same.
     pub prune: bool,
@@ -62,7 +62,7 @@ impl Default for CorrelateRules {
 const SECTION: usize = 1 << 18;
 /// Grains between two reports of progress.
 const GRAINS_AT_ONCE: usize = 256;
-/// Difference of correlations below which both are computed again in double precision.
+/// Difference of correlations below which both are recomputed in double precision.
 const NEAR: f64 = 1e-5;
 
 /// A peak before it is computed in double precision.
@@ -99,7 +99,7 @@ impl Slots {
         ((t as f64 / self.interval) as usize).min(self.least.len() - 1)
     }
 
-    /// The correlation that as many peaks of a slot exceed as are retained. It only rises.
+    /// Threshold that as many peaks of a slot exceed as are retained. It only rises.
     fn least(&self, slot: usize) -> f64 {
         f64::from(f32::from_bits(self.least[slot].load(Ordering::Relaxed)))
     }
@@ -329,7 +329,7 @@ pub fn memory(dictionary: &GrainDictionary, longest: usize, threads: usize) -> u
         + grains
 }
 
-/// The patterns of the first parts, if an interrupted computation left them.
+/// The patterns of the first parts, if an interrupted computation stored them.
 fn resumed(parts: &[(&GrainRecording, &Part)], partial: &dyn Partial) -> Vec<Pattern> {
     let found: Option<Vec<Pattern>> = partial.load().and_then(|bytes| postcard::from_bytes(&bytes).ok());
     let fits = |(pattern, (recording, part)): (&Pattern, &(&GrainRecording, &Part))| {
@@ -340,13 +340,13 @@ fn resumed(parts: &[(&GrainRecording, &Part)], partial: &dyn Partial) -> Vec<Pat
     found.filter(is_of).unwrap_or_default()
 }
 
-/// Finds where the grains of a dictionary occur in recordings: peaks of the normalised cross-correlation
+/// Finds the occurrences of the grains of a dictionary in recordings: peaks of the normalised cross-correlation
 ///
 /// `C(t) = sum_n x[t + n] g[n] / (|g| |x[t .. t + L]|)`,
 ///
-/// at least half a grain apart for each grain. Of all grains the best in each interval, or in each recording, are retained. The result does
+/// at least half a grain apart for each grain. The best of all grains in each interval, or in each recording, are retained. The result does
 /// not depend on the number of threads. `stop` receives the share of the work that is done, and returns true to stop: then the result is
-/// `None`. Finished patterns are offered to `partial`, and it goes on from those that are there.
+/// `None`. Finished patterns are passed to `partial`, and the search continues after those that it contains.
 ///
 /// # Complexity
 /// At most one inverse transform for each grain and each block of a recording; [`memory`] states the memory. Peaks are compared over sections of

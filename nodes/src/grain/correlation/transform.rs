@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// Sizes of transforms.
 const SIZES: std::ops::RangeInclusive<u32> = 9..=16;
 
-/// Share by which the work of twice the size counts more: of smaller blocks more are left out.
+/// Relative penalty on a transform of twice the size: smaller blocks can be left out more often.
 const COARSENESS: f64 = 0.08;
 
 /// Size of the transform that takes the least work a sample for grains of up to `len` samples: `N log N / (N - len + 1)`.

@@ -1,6 +1,6 @@
 //! Coding of samples in files.
 
-/// How samples are coded in a file.
+/// Coding of samples in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Coding {
@@ -34,7 +34,7 @@ pub fn flac(samples: &[i16]) -> Option<Vec<u8>> {
     // Any rate: it is that of the dictionary.
     let source = flacenc::source::MemSource::from_samples(&wide, 1, 16, 44_100);
     let mut stream = flacenc::encode_with_fixed_block_size(&config, source, config.block_size).ok()?;
-    // The smallest block is that of all but the last one, by which decoders tell fixed blocks.
+    // Decoders identify fixed blocks by the smallest block, which is that of all but the last one.
     stream.stream_info_mut().set_block_sizes(config.block_size, config.block_size).ok()?;
     let mut sink = flacenc::bitsink::ByteSink::new();
     stream.write(&mut sink).ok()?;

@@ -33,7 +33,7 @@ pub enum GrainError {
     /// A number of samples that does not fit.
     #[error("the grain dictionary has {found} {what}; {wanted} are needed")]
     Length {
-        /// What was counted.
+        /// Name of the things counted.
         what: &'static str,
         /// The number found.
         found: usize,
@@ -43,7 +43,7 @@ pub enum GrainError {
     /// A value that is not finite.
     #[error("{what} {index} of the grain dictionary is not finite")]
     NotFinite {
-        /// What it is.
+        /// Name of the value.
         what: &'static str,
         /// Its index.
         index: usize,

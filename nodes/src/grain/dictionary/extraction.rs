@@ -17,7 +17,7 @@ use rayon::prelude::*;
 choices! {
     /// Position of the tapers of a grain.
     pub enum TaperPlacement {
-        /// Around the cut, over samples of the neighbour: neighbours join without a trace.
+        /// Around the cut, over samples of the neighbour: neighbours join seamlessly.
         Outside,
         /// Within the segment, as in the paper; a join has a notch.
         Inside,
@@ -101,7 +101,7 @@ fn centroid(x: &[f32], rate: f64) -> f32 {
     if sum > 0.0 { (moment / sum * rate / size as f64) as f32 } else { 0.0 }
 }
 
-/// Samples of the tapers over each cut: before and after it. There is nothing beyond the ends of a recording.
+/// Numbers of samples of the tapers before and after each cut. There is no taper beyond the ends of a recording.
 fn tapers_over_cuts(cuts: &[usize], rules: &ExtractRules) -> Vec<[usize; 2]> {
     let inner = |k: usize| {
         let shorter = (cuts[k] - cuts[k - 1]).min(cuts[k + 1] - cuts[k]);

@@ -16,7 +16,7 @@ pub struct Grain {
     pub reach: [u16; 2],
     /// Samples of its tapers.
     pub taper: [u16; 2],
-    /// Factor of the windowed grain: that which gives it the mean square of its segment if its tapers lie inside, else 1.
+    /// Factor of the windowed grain that gives it the mean square of its segment if its tapers lie inside, else 1.
     pub gain: f32,
     /// Mean square of the windowed grain, channels averaged.
     pub power: f32,

@@ -17,10 +17,10 @@ use crate::table::ResultTable;
 use crate::{params, ports};
 
 params! {
-    /// Cuts recordings into grains, the dictionary that sounds are made of again.
+    /// Cuts recordings into grains, from which sounds are synthesised.
     ///
     /// Cuts are the inflection points of the smoothed spectral flux, where the spectrum begins or ceases to change. Grains are some 25 ms
-    /// long. Neighbours overlap in short tapers around their cut and join without a trace. Steady and transient parts of continuous
+    /// long. Neighbours overlap in short tapers around their cut and join seamlessly. Steady and transient parts of continuous
     /// recordings have their own grains. Grains below the levels of `discard` are left out.
     ///
     /// A tap of `dictionary` as BIN writes a file for `GrainDictionaryFile`. `table` has a row for each recording; as SVG it draws the flux

@@ -37,9 +37,9 @@ pub struct GrainTracks {
 
 /// The sinusoids of the steady grains of a dictionary.
 ///
-/// Rows follow each other by a hop, from a row before what is stored of a grain to one after it. Measured phases are not needed: at the recorded
-/// frequency the samples themselves are played, and at any other one the phase is the integral of the frequency from the beginning of the track
-/// on, so that neighbours at the same factor join without a trace.
+/// Rows are a hop apart, from one row before the stored samples of a grain to one after them. Measured phases are not needed: at the recorded
+/// frequency the samples themselves are played, and at any other one the phase is the integral of the frequency from the beginning of the
+/// track on, so that neighbours at the same factor join seamlessly.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SteadyTracks {
     /// Samples from one row to the next.
@@ -171,7 +171,7 @@ impl SteadyTracks {
     /// rate are silent. Blocks of any length give the same samples; nothing is allocated.
     ///
     /// # Complexity
-    /// O(samples) for each sounding track, and for each hop as far as its beginning.
+    /// O(samples) for each sounding track, and for each hop up to its beginning.
     pub(in crate::grain) fn add(
         &self,
         (index, grain): (u32, &Grain),

@@ -35,7 +35,7 @@ pub struct GrainSource {
     pub frames: u64,
 }
 
-/// Successive samples of a source: grains that were neighbours, and a margin at both ends.
+/// Successive samples of a source: neighbouring grains, and a margin at both ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
     /// Its first sample in the samples of the dictionary.
@@ -48,7 +48,7 @@ pub struct Run {
 
 /// Grains of many recordings.
 ///
-/// Grains that were neighbours share the samples around their cut, so that nothing is stored twice.
+/// Neighbouring grains share the samples around their cut, so that nothing is stored twice.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GrainDictionary {
     /// [`GRAINS_VERSION`].
@@ -177,7 +177,7 @@ impl GrainDictionary {
         sum as f64 / self.grains.len().max(1) as f64
     }
 
-    /// Blocks of equal steps of each run, as samples of one channel of the run: margins, grains, and what lies between them.
+    /// Blocks of equal steps of each run, as samples of one channel of the run: margins, grains, and the samples between them.
     #[must_use]
     pub fn blocks(&self) -> Vec<Vec<Range<usize>>> {
         let mut ends: Vec<Vec<usize>> = self.runs.iter().map(|run| vec![0, run.frames as usize]).collect();
@@ -225,7 +225,7 @@ impl GrainDictionary {
         }
     }
 
-    /// Checks what the type does not enforce.
+    /// Checks the invariants that the type does not enforce.
     ///
     /// # Errors
     /// The first thing found.

@@ -51,7 +51,7 @@ impl GrainDictionary {
 
     /// Returns a dictionary of the grains for which `retained` is true, in their order, with up to `margin` samples around each.
     ///
-    /// Sources without grains stay, so that the indices of sources are the same.
+    /// Sources without grains remain, so that the indices of sources are the same.
     ///
     /// # Shapes
     /// `retained: [len]`; grains beyond its end are left out.

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 choices! {
     /// Recordings that are split into a steady and a transient part.
     pub enum SplitRule {
-        /// Those of contact that lasts.
+        /// Recordings of contact that lasts.
         Continuous,
         /// None.
         None,
@@ -32,14 +32,14 @@ choices! {
 }
 
 params! {
-    /// Reads recordings that grains are cut out of, with what is known of each.
+    /// Reads recordings from which grains are cut, with their metadata.
     ///
     /// Recordings come from a list, from a folder, and from a manifest, a CSV with the columns `file` (relative to the CSV), and optionally
     /// `tags` (words such as `stone scrape`), `kind` (`impulsive` or `continuous`), `speed` of the recorded motion in m/s, and `licence`.
     /// Without tags, a recording has the words of its file name: `scrape_stone_2.flac` has `scrape` and `stone`. A kind that is not given is
     /// guessed from the envelope, and reported.
     ///
-    /// Continuous recordings are split into a steady part, a sum of sinusoids, and a transient part, what they leave, which is the part that
+    /// Continuous recordings are split into a steady part, a sum of sinusoids, and a transient part, the residual, which is the part that
     /// sounds unnatural when it is repeated or shifted in frequency.
     ///
     /// # Source

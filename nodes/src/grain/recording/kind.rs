@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What happens in a recording.
+/// Kind of the events of a recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum SourceKind {
     /// Impacts.
@@ -14,16 +14,16 @@ pub enum SourceKind {
 
 /// Frame of the envelope, s.
 const FRAME: f64 = 0.01;
-/// Duration from which on a recording can be continuous, s.
+/// Minimum duration of a continuous recording, s.
 const SHORTEST: f64 = 0.5;
 /// Fall of the envelope after the loudest frame that makes a recording impulsive, dB, and the time within which it happens, s.
 const FALL: (f64, f64) = (30.0, 1.0);
 /// Range below the loudest frame in which a frame counts as sound, dB.
 const RANGE: f64 = 20.0;
-/// Share of the recording that sounds, from which on it is continuous.
+/// Minimum share of a continuous recording that sounds.
 const SHARE: f64 = 0.5;
 
-/// Guesses whether a recording is of impacts or of contact that lasts.
+/// Guesses if a recording is of impacts or of contact that lasts.
 ///
 /// It is continuous if it is longer than 0.5 s, is within 20 dB of its loudest frame of 10 ms for half of its time, and does not fall by 30 dB
 /// within a second after its loudest frame without rising again: a glass that rings is an impact.

@@ -1,4 +1,4 @@
-//! What is known of a recording.
+//! Metadata of a recording.
 
 use super::kind::SourceKind;
 use crate::io::manifest::ManifestEntry;
@@ -12,7 +12,7 @@ pub enum Component {
     Whole,
     /// Its sinusoids.
     Steady,
-    /// What its sinusoids leave.
+    /// The recording without its sinusoids.
     Transient,
 }
 
@@ -89,7 +89,7 @@ impl RecordingLabel {
     /// The speed, if it is given.
     ///
     /// # Errors
-    /// What is no positive number.
+    /// A text that names the value, if it is no positive number.
     pub fn given_speed(&self) -> Result<Option<f64>, String> {
         if self.speed.is_empty() {
             return Ok(None);

@@ -7,7 +7,7 @@ use crate::core::node::Summary;
 use crate::core::random::Rng;
 use serde::{Deserialize, Serialize};
 
-/// One component of a recording: samples of each channel, and their mean, from which grains are found.
+/// One component of a recording: samples of each channel, and their mean, in which grains are found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Part {
     /// The component.
@@ -31,7 +31,7 @@ impl Part {
     }
 }
 
-/// A recording with what is known of it.
+/// A recording with its metadata.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GrainRecording {
     /// Provenance: its path by default.

@@ -1,13 +1,13 @@
-//! Clusters of similar grains, of which one stands for all.
+//! Clusters of similar grains, each replaced by its leader.
 
 use super::similarity::SimilarPair;
 use crate::grain::correlation::{CorrelationPatterns, Pattern, Peak, stored_correlation, stored_gain};
 use crate::grain::dictionary::GrainDictionary;
 
-/// What stands for a grain.
+/// The grain that replaces another, with its shift and gain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Substitute {
-    /// Index of the grain that stands for it; its own if it is the leader of its cluster.
+    /// Index of the grain that replaces it; its own if it is the leader of its cluster.
     pub grain: u32,
     /// Samples by which the window of that grain begins later.
     pub lag: i32,
@@ -113,7 +113,7 @@ pub(super) fn renumbered(retained: &[bool]) -> Vec<Option<u32>> {
     retained.iter().map(number).collect()
 }
 
-/// Removes, of the peaks of one grain that lie within half of it, all but the best.
+/// Removes all but the best of the peaks of one grain that lie within half of it.
 fn without_doubles(peaks: Vec<Peak>, dictionary: &GrainDictionary) -> Vec<Peak> {
     let mut order: Vec<usize> = (0..peaks.len()).collect();
     order.sort_by_key(|k| (peaks[*k].grain, peaks[*k].t));
@@ -134,9 +134,9 @@ fn without_doubles(peaks: Vec<Peak>, dictionary: &GrainDictionary) -> Vec<Peak> 
     peaks.into_iter().zip(dropped).filter(|(_, dropped)| !dropped).map(|(peak, _)| peak).collect()
 }
 
-/// Replaces each grain by its leader: in the dictionary, of which `margin` samples around each leader are left, and in the patterns.
+/// Replaces each grain by its leader, in the dictionary, which retains `margin` samples around each leader, and in the patterns.
 ///
-/// Patterns of another dictionary are not valid here: check them first.
+/// Patterns of another dictionary are not valid here: check them before.
 #[must_use]
 pub fn merged(
     dictionary: &GrainDictionary,

@@ -14,12 +14,12 @@ use crate::plot::{Chart, Line};
 use crate::table::{Cell, ResultTable};
 use rayon::prelude::*;
 
-/// What is compared.
+/// Settings that are compared.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CompressionRules {
     /// Numbers of bits of the samples.
     pub bits: Vec<u32>,
-    /// Correlations from which on grains are merged.
+    /// Minimum correlations of grains that are merged.
     pub merge: Vec<f64>,
     /// Shares of the bytes of the grains that are the budget of a subset.
     pub shares: Vec<f64>,
@@ -173,7 +173,7 @@ fn random_grains(
     of_first(fits)
 }
 
-/// Compares bytes and errors of recordings stored as grains: all grains, grains of fewer bits, grains merged from several correlations on,
+/// Compares bytes and errors of recordings stored as grains: all grains, grains of fewer bits, grains merged above several correlations,
 /// grains under several budgets, and random grains under the same budgets.
 ///
 /// Bytes are those of the files; the patterns have the grains of the walk and no others. Errors are those of the sounds of all recordings,

@@ -16,13 +16,13 @@ use crate::table::ResultTable;
 use crate::{params, ports};
 
 params! {
-    /// Makes a dictionary smaller: of grains that are nearly the same, one stands for all.
+    /// Makes a dictionary smaller: one grain replaces each cluster of nearly equal grains.
     ///
     /// Grains that patterns use most come first; each joins the one that correlates most with it, by at least `merge`, or stays. Patterns are
     /// rewritten: another grain at another time, with the gain of the least error. The error of a grain that is replaced is
     /// `sqrt(1 - merge^2)` of it at most: 0.9 leaves -7.2 dB, 0.99 leaves -17 dB.
     ///
-    /// Without `patterns`, a dictionary becomes smaller before recordings are correlated with it, which takes less time by as much.
+    /// Without `patterns`, a dictionary becomes smaller before recordings are correlated with it, which shortens the correlation in proportion.
     ///
     /// `table` has the cluster of each grain.
     ///
@@ -30,7 +30,7 @@ params! {
     /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 6, which
     /// names this as future work.
     pub struct GrainClusterParams {
-        /// Normalised cross-correlation from which on one grain stands for another; 1 for scaled copies.
+        /// Minimum normalised cross-correlation of a grain with its leader; 1 for scaled copies.
         merge: f64 = 0.9, unit "", range 0.3..=1.0;
         /// Number of grains of similar spectrum that each grain is compared with.
         neighbours: usize = 32, unit "", range 1..=10_000;
@@ -51,7 +51,7 @@ ports! {
             reduced: Value<GrainDictionary>,
             /// The patterns over them.
             rewritten: Value<CorrelationPatterns>,
-            /// The grain that stands for each grain, and its correlation with it.
+            /// The leader of each grain, and its correlation with it.
             table: Value<ResultTable>,
         }
     }

@@ -18,7 +18,7 @@ use crate::{params, ports};
 params! {
     /// Compares the bytes of recordings that are stored as grains with the errors of their sound.
     ///
-    /// The rows are all grains, grains of fewer bits, grains merged from several correlations on as by `GrainCluster`, and grains under several
+    /// The rows are all grains, grains of fewer bits, grains merged above several correlations as by `GrainCluster`, and grains under several
     /// budgets as by `GrainSubset`, with the mean of random grains under the same budgets. Bytes are those of the files of grains and of
     /// patterns, which have the grains of the walk only. Errors are the segmental signal-to-noise ratio, of frames of 20 ms between -10 and
     /// 35 dB, and the log-spectral distance.
@@ -31,7 +31,7 @@ params! {
     pub struct GrainCompressionParams {
         /// Numbers of bits of the samples.
         bits: Vec<u32> = vec![12, 10, 8, 7, 6, 5, 4], unit "bits", range 4..=16_u32;
-        /// Correlations from which on grains are merged.
+        /// Minimum correlations of grains that are merged.
         merge: Vec<f64> = vec![0.999, 0.99, 0.98, 0.95, 0.9, 0.85, 0.8], unit "", range 0.3..=1.0;
         /// Budgets, as shares of the bytes of the grains.
         shares: Vec<f64> = vec![0.75, 0.5, 0.25], unit "", range 0.0..=1.0;

@@ -15,10 +15,10 @@ use crate::grain::synthesis::check_patterns;
 use crate::{params, ports};
 
 params! {
-    /// Chooses the grains of most use under a budget of memory.
+    /// Chooses the most useful grains under a budget of memory.
     ///
-    /// Each time the grain is added that raises the signal-to-noise ratio of the recordings most for its bytes: those that many passages use,
-    /// and neighbours, which share what is stored around their cut. The budget is never exceeded.
+    /// In each step the grain is added that raises the signal-to-noise ratio of the recordings most for its bytes: grains that many passages
+    /// use, and neighbours, which share the samples around their cut. The budget is never exceeded.
     ///
     /// In `rewritten`, passages of grains that are left out fall to the next peak of their pattern. For more of them, link `reduced` and the
     /// recordings to a `GrainCorrelate`.

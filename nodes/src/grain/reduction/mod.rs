@@ -1,4 +1,4 @@
-//! Dictionaries of fewer grains: clusters of similar grains, grains under a budget, and what both cost.
+//! Dictionaries of fewer grains: clusters of similar grains, grains under a budget, and the errors of both.
 
 mod clusters;
 mod compression;

@@ -71,7 +71,7 @@ fn features(x: &[f32], mel: &mut MelCepstrum) -> [f64; DIMS] {
     all
 }
 
-/// Gives each dimension zero mean and unit deviation.
+/// Scales each dimension to zero mean and unit deviation.
 fn standardise(points: &mut [[f64; DIMS]]) {
     let count = points.len().max(1) as f64;
     for k in 0..DIMS {
@@ -126,7 +126,7 @@ pub(super) struct Correlator {
 }
 
 impl Correlator {
-    /// For sounds of up to `longest` samples at shifts of up to `reach`.
+    /// Creates a correlator of sounds of up to `longest` samples at shifts of up to `reach`.
     pub fn new(longest: usize, reach: usize) -> Self {
         let size = (longest + reach + 1).next_power_of_two().max(16);
         let mut planner = RealFftPlanner::<f32>::new();

@@ -10,7 +10,7 @@ use std::collections::BinaryHeap;
 /// Greatest signal-to-noise ratio that counts, dB, as in segmental signal-to-noise ratios.
 const BEST_RATIO: f64 = 35.0;
 
-/// Signal-to-noise ratio, in dB, of a passage of which a grain explains the share `c^2` of the energy.
+/// Signal-to-noise ratio, in dB, of a passage in which a grain explains the share `c^2` of the energy.
 fn ratio_of(c: f64) -> f64 {
     (-10.0 * (1.0 - c * c).max(1e-30).log10()).min(BEST_RATIO)
 }
@@ -40,7 +40,7 @@ fn slots_of(pattern: &Pattern, dictionary: &GrainDictionary) -> Vec<Slot> {
     walk(pattern, dictionary, GapRule::Extend).iter().map(slot).collect()
 }
 
-/// A grain that may be added, by what it adds for its bytes.
+/// A grain that may be added, by its gain for its bytes.
 #[derive(PartialEq)]
 struct Offer {
     value: f64,
@@ -90,8 +90,8 @@ impl<'a> Bytes<'a> {
     }
 }
 
-/// Chooses the grains of most use to patterns under a budget in bytes, as [`GrainDictionary::bytes`] counts them: each time the grain that
-/// raises the signal-to-noise ratio of the passages most for its bytes, until none fits.
+/// Chooses the most useful grains of patterns under a budget in bytes, as counted by [`GrainDictionary::bytes`]: in each step the grain
+/// that raises the signal-to-noise ratio of the passages most for its bytes, until none fits.
 ///
 /// The budget is never exceeded. Patterns for which `chosen` is false do not count.
 ///

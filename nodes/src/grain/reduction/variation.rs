@@ -1,4 +1,4 @@
-//! How impacts of grains differ from each other and from recordings.
+//! Differences of impacts of grains from each other and from recordings.
 
 use super::similarity::Correlator;
 use crate::core::random::Random;
@@ -99,7 +99,7 @@ fn frames(x: &[f32], rate: f64) -> Vec<[f64; COEFFICIENTS]> {
         .collect()
 }
 
-/// The frames of some sounds, and how far others are from them.
+/// The frames of some sounds, and the distances of others from them.
 #[derive(Clone, Debug)]
 pub struct FrameCloud {
     mean: [f64; COEFFICIENTS],

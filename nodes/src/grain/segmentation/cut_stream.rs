@@ -1,4 +1,4 @@
-//! Cuts of a flux that is not yet known to its end.
+//! Cuts of a flux whose end is not known yet.
 
 use super::flux::reflected;
 use super::segments::{Gaussian, InflectionFinder, SegmentRules, SmoothFlux, join_short, split_long};
@@ -10,7 +10,7 @@ const MARGIN: i64 = 3;
 
 /// Finds the cuts of a flux item by item, with a bounded look-ahead.
 ///
-/// Inflection points between two segments of at least `min` samples each stay; those around shorter ones form groups that are independent
+/// Inflection points between two segments of at least `min` samples each remain. Those around shorter ones form groups that are independent
 /// of each other, and are joined as soon as they are complete. So the cuts are those of [`cuts`](super::segments::cuts), except
 /// - where a group of short segments spans more than half of `max`: its part so far is joined by itself,
 /// - where no inflection follows within twice `max`, as in silence: the steepest frame within `max` is cut, of equal ones the last,

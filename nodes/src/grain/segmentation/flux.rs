@@ -19,7 +19,7 @@ pub struct FluxFrames {
     pub frame: usize,
     /// Samples from one frame to the next.
     pub hop: usize,
-    /// Exponent of the magnitude: 1, or 2 for the power spectrum.
+    /// Exponent of the magnitudes: 1, or 2 for the power spectrum.
     pub exponent: u32,
 }
 
@@ -40,7 +40,7 @@ impl FluxFrames {
 ///
 /// # Source
 /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 3.2, with the
-/// power spectrum, `exponent: 2`; magnitudes are less ruled by the strongest peak.
+/// power spectrum, `exponent: 2`; magnitudes are dominated less by the strongest peak.
 pub struct FluxMeter {
     plan: Arc<dyn RealToComplex<f32>>,
     window: Vec<f32>,
@@ -76,7 +76,7 @@ impl FluxMeter {
         }
     }
 
-    /// Takes the next frame and returns the flux from the frame before; before the first frame is silence.
+    /// Takes the next frame and returns the flux from the frame before; silence precedes the first frame.
     ///
     /// # Shapes
     /// `frame: [frames.frame]`.

@@ -19,8 +19,8 @@ use std::collections::VecDeque;
 params! {
     /// Finds the cuts of a sound at inflection points of its spectral flux, and its onsets, while it plays.
     ///
-    /// The flux is smoothed by a Gaussian. Where it begins or ceases to change, the sound is cut. Segments shorter than `shortest` are
-    /// joined: of the shortest, the cut at the smaller slope of the flux is removed, repeatedly. Segments longer than `longest` are cut where
+    /// The flux is smoothed by a Gaussian. The sound is cut where the flux begins or ceases to change. Segments shorter than `shortest` are
+    /// joined by removing the cut at the smaller slope of the flux of the shortest one, repeatedly. Segments longer than `longest` are cut where
     /// the flux is steepest. The start and the end are cuts too.
     ///
     /// The output lags the flux by 2.6 times `longest` less `shortest`, and by six hops and four times `smoothing`: 0.21 s with the

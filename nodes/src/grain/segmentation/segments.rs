@@ -13,9 +13,9 @@ choices! {
     pub enum CutKind {
         /// All of them.
         Both,
-        /// Those on rising slopes of the flux.
+        /// Inflection points on rising slopes of the flux.
         Rising,
-        /// Those on falling slopes of the flux.
+        /// Inflection points on falling slopes of the flux.
         Falling,
     }
 }
@@ -76,7 +76,7 @@ pub(in crate::grain) fn check_lengths(shortest: f64, longest: f64) -> Result<(),
         return Ok(());
     }
     let message = format!("`longest` is {longest} s, less than twice `shortest`, which is {shortest} s");
-    let help = "what is too long is cut into two that are not too short";
+    let help = "segments longer than `longest` are cut into two, neither shorter than `shortest`";
     Err(Reject::new("F150", message).at("longest").help(help))
 }
 
@@ -96,10 +96,10 @@ impl Inflection {
     }
 }
 
-/// The cuts of a recording, with what they follow from.
+/// The cuts of a recording, with the curves that they follow from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Segments {
-    /// Rising sample indices, of which the first is 0 and the last is the length.
+    /// Rising sample indices; the first is 0 and the last is the length.
     pub cuts: Vec<usize>,
     /// Samples of onsets.
     pub onsets: Vec<usize>,
@@ -129,7 +129,7 @@ impl Gaussian {
         (self.weights.len() / 2) as i64
     }
 
-    /// Weighted mean around item `k` of a sequence, whose items outside its ends are read too.
+    /// Weighted mean around item `k` of a sequence, including items beyond its ends.
     pub(super) fn mean(&self, k: i64, item: impl Fn(i64) -> f64) -> f64 {
         (k - self.radius()..).zip(&self.weights).map(|(i, w)| w * item(i)).sum::<f64>() / self.sum
     }
@@ -197,7 +197,7 @@ impl SmoothFlux<'_> {
         ((1.0 - part) * central(k) + part * central(k + 1)).abs()
     }
 
-    /// The sample at which a segment is cut: of the frames from `low` to `high`, the steepest one, of equal ones that nearest `middle`.
+    /// The sample at which a segment is cut: the steepest of the frames from `low` to `high`, or of equal ones that nearest `middle`.
     pub(super) fn steepest(&self, [low, high]: [usize; 2], middle: usize, hop: usize) -> Option<usize> {
         // Frames whose time (k - 1/2) hop lies in the interval.
         let frames = (low.div_ceil(hop)..).take_while(|k| k * hop <= high + hop / 2);
@@ -220,7 +220,7 @@ struct Short {
     end: usize,
 }
 
-/// Removes cuts until no segment is shorter than `min`: of the shortest segment, the cut at the smaller slope, or else the later one.
+/// Removes cuts until no segment is shorter than `min`: in each step that cut of the shortest segment at which the slope is smaller, or the later one.
 ///
 /// # Complexity
 /// O(n log n) for n cuts.
@@ -284,7 +284,7 @@ pub fn cuts(s: &[f64], len: usize, rules: &SegmentRules) -> Vec<usize> {
     all
 }
 
-/// Adds the cuts within a segment that is longer than `max`: at the steepest frame, of equal ones at that nearest the middle.
+/// Adds the cuts within a segment that is longer than `max`: at the steepest frame, or of equal ones at that nearest the middle.
 pub(super) fn split_long(
     s: SmoothFlux<'_>,
     segment: [usize; 2],
@@ -309,7 +309,7 @@ pub(super) fn split_long(
 
 /// Cuts a recording into grains at inflection points of its smoothed spectral flux, with lengths from `min` to `max`.
 ///
-/// Segments shorter than `min` are joined: of the shortest, the cut at the smaller slope of the flux is removed, repeatedly. Segments longer
+/// Segments shorter than `min` are joined by removing the cut at the smaller slope of the flux of the shortest one, repeatedly. Segments longer
 /// than `max` are cut where the flux is steepest. A recording shorter than `min` is one grain.
 ///
 /// # Complexity

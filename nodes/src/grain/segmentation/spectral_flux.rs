@@ -14,17 +14,17 @@ use crate::dsp::db_to_linear;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Measures how much the shape of a spectrum changes from one frame to the next, whatever its level.
+    /// Measures the change of the shape of a spectrum from one frame to the next, independently of its level.
     ///
     /// The flux is the Euclidean distance of the normalised spectra of successive frames: 0 for a steady sound, about 0.5 for noise with the
     /// default frames, 1 where sound begins after silence, and at most the square root of 2. Item `k` lies at sample `k hop`, and compares
     /// the frames that are centred on the samples `(k - 1) hop` and `k hop`; item 0 equals item 1. The sound is reflected at its ends.
     ///
-    /// The items are those by which `GrainDictionary` cuts recordings, and `FluxSegmenter` finds the cuts in them.
+    /// `GrainDictionary` cuts recordings by these items, and `FluxSegmenter` finds the cuts in them.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 3.2, with the
-    /// power spectrum, `exponent: 2`; magnitudes are less ruled by the strongest peak.
+    /// power spectrum, `exponent: 2`; magnitudes are dominated less by the strongest peak.
     pub struct SpectralFluxParams {
         /// Samples of a frame; None for a power of two that lasts about 12 ms, 512 at 44.1 kHz.
         frame: Option<usize> = None, unit "samples", range 2..=65_536_usize;

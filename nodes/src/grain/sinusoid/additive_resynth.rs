@@ -22,9 +22,9 @@ const RATIOS: [f64; 2] = [0.01, 100.0];
 params! {
     /// Plays the tracks of sinusoids: the steady part of a sound, at its own frequencies or at others.
     ///
-    /// With a `ratio` of 1 each track passes through its measured phases, so that the sound without its steady part remains as what
-    /// `TransientResidual` computes. Another ratio multiplies the frequencies and leaves the duration: from then on a track continues
-    /// with the phase that follows from its frequencies, also where the ratio is 1 again. The ratio is read at each frame, and reached at the
+    /// With a `ratio` of 1 each track has its measured phases, so that the sound without its steady part is the output of
+    /// `TransientResidual`. Another ratio multiplies the frequencies and leaves the duration unchanged. From then on the phase of a track
+    /// follows from its frequencies, also where the ratio is 1 again. The ratio is read at each frame, and reached at the
     /// next one. Tracks fade in and out over one hop, also where they exceed 0.45 times the rate.
     ///
     /// Tracks that begin around one of the `attacks` are silent before it and rise within 2 ms: without them the window of the analysis

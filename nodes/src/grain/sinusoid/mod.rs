@@ -1,4 +1,4 @@
-//! Sinusoids of recordings: peaks, tracks, synthesis, and what they leave.
+//! Sinusoids of recordings: peaks, tracks, synthesis, and the residual.
 //!
 //! In the order of the data, [`sine_peaks`] finds the sinusoids of each frame, [`partial_tracks`] joins them to tracks, [`additive_resynth`]
 //! plays the tracks, and [`transient_residual`] is the rest; [`split`](mod@split) does the same with a recording as a whole.

@@ -46,7 +46,7 @@ ports! {
             peaks: Stream<PeakFrames>,
         }
         out {
-            /// The tracks: in each frame a point for each slot. A track stays in its slot; a number of another track is its end.
+            /// The tracks: in each frame a point for each slot. A track stays in its slot and ends where the number of another track follows.
             tracks: Stream<TrackFrames>,
         }
     }

@@ -10,7 +10,7 @@ use crate::grain::segmentation::{FluxFrames, ONSET_RISE, onsets};
 pub struct SteadyTransient {
     /// Sum of its sinusoids.
     pub steady: Vec<f32>,
-    /// What they leave: `x - steady`.
+    /// The sound without them: `x - steady`.
     pub transient: Vec<f32>,
     /// The sinusoids.
     pub tracks: Vec<Track>,
@@ -28,7 +28,7 @@ pub fn find_tracks(x: &[f32], peaks: PeakRules, tracks: TrackRules, rate: f64) -
     tracks_of(frames, PartialTracker::new(tracks, peaks.max_peaks, hop as f64 / rate))
 }
 
-/// The sample within reach of an onset at which the signal leaves what was before it.
+/// The sample within reach of an onset at which the signal begins to differ from the samples before.
 fn attack_near(x: &[f32], onset: usize, reach: usize) -> usize {
     let from = onset.saturating_sub(reach);
     let near = x.get(from..x.len().min(onset + reach)).unwrap_or_default();
@@ -47,7 +47,7 @@ pub(super) fn attacks(x: &[f32], rate: f64) -> Vec<usize> {
     onsets(x, frames, rate, ONSET_RISE).into_iter().map(attack).collect()
 }
 
-/// Splits a recording into its sinusoids and what they leave. `steady + transient` is the recording to rounding.
+/// Splits a recording into its sinusoids and the residual. `steady + transient` is the recording up to rounding.
 ///
 /// # Complexity
 /// One transform a hop, and O(samples) for each track.

@@ -94,7 +94,7 @@ fn add_pieces(pieces: &[Piece], skip: usize, out: &mut [f32], hop: f64) {
 }
 
 /// Adds sinusoids between two frames a hop apart, from sample `skip` after the first one on: frequency and amplitude are linear, and the phase is
-/// that of the first frame and the integral of the frequency. What is above the highest frequency at a frame is silent there.
+/// that of the first frame and the integral of the frequency. A sinusoid above the highest frequency at a frame is silent there.
 pub(crate) fn add_integrated(
     ends: impl Iterator<Item = [SinePeak; 2]>,
     [hop, skip]: [usize; 2],
@@ -132,7 +132,7 @@ fn attack_of(first: usize, attacks: &[usize], hop: usize, half_window: usize) ->
     attacks.iter().copied().find(|o| *o + hop > first && *o < first + half_window)
 }
 
-/// What a slot of tracks holds from frame to frame.
+/// State of a slot of tracks from frame to frame.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct SlotState {
     /// The track.
@@ -149,7 +149,7 @@ struct SlotState {
 /// reach those that were measured. Other ratios multiply the frequencies: from then on the phase of a track is the integral of its frequency, which is
 /// linear within a hop.
 ///
-/// A track that begins around an attack is silent before it and rises within 2 ms: the window would spread it half a window ahead.
+/// A track that begins around an attack is silent before it and rises within 2 ms: the window would spread it by half a window before the attack.
 ///
 /// # Complexity
 /// O(samples) for each sounding track.
@@ -164,14 +164,14 @@ pub struct TrackSynthesis {
     slots: Vec<SlotState>,
     /// Pieces of a hop with their tracks, and the attacks that they begin with.
     pieces: Vec<(u32, Piece, Option<usize>)>,
-    /// Those without an attack.
+    /// Pieces without an attack.
     plain: Vec<Piece>,
 }
 
 impl_state!(TrackSynthesis { slots });
 
 impl TrackSynthesis {
-    /// A synthesis of so many slots at a rate in Hz.
+    /// Creates a synthesis of `slots` slots at a rate in Hz.
     #[must_use]
     pub fn new(slots: usize, [hop, half_window]: [usize; 2], rate: f64) -> Self {
         Self {

@@ -33,7 +33,7 @@ impl TrackRules {
         self.min_frames.max(1) - 1 + self.max_gap
     }
 
-    /// Most tracks at a time, of frames of at most `max_peaks` peaks: those that have a peak, and those that have none for a while.
+    /// Most tracks at a time, of frames of at most `max_peaks` peaks: tracks with a peak, and tracks in a gap.
     #[must_use]
     pub fn slots(&self, max_peaks: usize) -> usize {
         max_peaks * (1 + self.max_gap)

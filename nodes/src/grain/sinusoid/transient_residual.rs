@@ -7,9 +7,9 @@ use crate::core::shape::{Build, Ends, Shape};
 use crate::{params, ports};
 
 params! {
-    /// Computes what the steady part of a sound leaves of it: `transient = audio - steady`, so that both parts add up to the sound.
+    /// Computes the residual of a sound without its steady part: `transient = audio - steady`, so that both parts add up to the sound.
     ///
-    /// The transient part remains a signal, without a model of noise. Delays of the analysis are made up for: the samples of both inputs
+    /// The transient part remains a signal, without a model of noise. Delays of the analysis are compensated: the samples of both inputs
     /// are those of the same time.
     ///
     /// # Source
@@ -27,7 +27,7 @@ ports! {
             steady: Stream<f32>,
         }
         out {
-            /// What is left.
+            /// The sound without its sinusoids.
             transient: Stream<f32>,
         }
     }

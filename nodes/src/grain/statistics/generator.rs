@@ -13,7 +13,7 @@ const MAX_LEVELLING: f64 = 4.0;
 /// Grains that do not follow themselves.
 const AVOIDED: usize = 2;
 
-/// What is drawn.
+/// Rules by which grains are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeneratorRules {
     /// Factor on the number of grains in a time.
@@ -43,15 +43,15 @@ pub struct GeneratedGrain {
     pub interval: f64,
 }
 
-/// Draws grain after grain from a model, or from between two.
+/// Draws grains one by one from a model, or from a mixture of two.
 ///
-/// Intervals and levels have the distributions of the model; levels of successive grains are correlated as in it; clusters follow each other
-/// with its probabilities. Between two models quantiles are interpolated, and the probabilities of clusters mixed.
+/// Intervals and levels have the distributions of the model. Levels of successive grains are correlated as in the model, and clusters follow
+/// each other with its probabilities. Between two models quantiles are interpolated, and the probabilities of clusters mixed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Generator {
     /// Number of grains so far.
     index: u64,
-    /// When the next grain begins, samples.
+    /// Start of the next grain, samples.
     time: f64,
     /// Normal variable of the last level.
     normal: f64,
@@ -71,7 +71,7 @@ fn drawn(chances: &[f64], share: f64) -> usize {
 }
 
 impl Generator {
-    /// When the next grain begins, in samples.
+    /// Start of the next grain, samples.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time

@@ -20,9 +20,9 @@ use crate::{archive_state, params, ports};
 use std::sync::Arc;
 
 params! {
-    /// Plays grains without end, with the statistics of recordings: a texture that never repeats.
+    /// Plays grains without end, with the statistics of recordings: a texture that does not repeat.
     ///
-    /// Each grain is drawn from the model of a `PatternStatistics`, or from between two, when the one before begins, so that density, level
+    /// Each grain is drawn from the model of a `PatternStatistics`, or from a mixture of two, when the one before begins, so that density, level
     /// and blend can change while it plays. The grains are those of a `PatternGenerator` with the same rules. For steady and transient parts
     /// of recordings, mix two textures.
     ///
@@ -52,7 +52,7 @@ ports! {
         in {
             /// The statistics.
             model: Value<PatternModel>,
-            /// Those of other recordings, for `blend`.
+            /// The model of other recordings, for `blend`.
             second: Option<Value<PatternModel>>,
             /// The grains of both.
             dictionary: Value<GrainDictionary>,

@@ -16,7 +16,7 @@ use crate::grain::synthesis::sequence;
 use crate::{params, ports};
 
 params! {
-    /// Draws a pattern of any duration from the statistics of recordings, or from between those of two.
+    /// Draws a pattern of any duration from the statistics of recordings, or from a mixture of two.
     ///
     /// Link `generated` to a `PatternResynth`, which plays it, once or again and again.
     ///
@@ -44,7 +44,7 @@ ports! {
         in {
             /// The statistics.
             model: Value<PatternModel>,
-            /// Those of other recordings, for `blend`.
+            /// The model of other recordings, for `blend`.
             second: Option<Value<PatternModel>>,
             /// The grains of both.
             dictionary: Value<GrainDictionary>,

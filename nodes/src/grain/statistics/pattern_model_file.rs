@@ -4,7 +4,7 @@ use super::model::PatternModel;
 use crate::artefact_file;
 
 artefact_file! {
-    /// A model of patterns from a file, as a tap of `PatternStatistics` wrote it: `--tap model=scrape.bin`.
+    /// A model of patterns from a file that a tap of `PatternStatistics` wrote: `--tap model=scrape.bin`.
     ///
     /// It belongs to the dictionary that it was made with. A file of another version or with damage is an error.
     pub struct PatternModelFile / PatternModelFileParams / PatternModelFilePorts / PatternModelFileIo, version 1;

@@ -17,7 +17,7 @@ use crate::{choices, params, ports};
 choices! {
     /// Component of recordings.
     pub enum StatisticsComponent {
-        /// That of the first pattern.
+        /// The component of the first pattern.
         First,
         /// Whole recordings.
         Whole,
@@ -29,7 +29,7 @@ choices! {
 }
 
 params! {
-    /// Measures the statistics of patterns of some tags, from which a `PatternGenerator` draws others without end.
+    /// Measures the statistics of patterns with some tags, from which a `PatternGenerator` draws any number of others.
     ///
     /// The model has the distribution of the intervals between grains, the distribution of their levels and the correlation of successive
     /// ones, the probability of each cluster of similar grains after each other one, and the mean envelope of the recordings.

@@ -57,7 +57,7 @@ impl Level {
     }
 }
 
-/// What follows in a chain.
+/// Rules of the succession of grains in a chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChainRules {
     /// Probability that a grain is followed by a grain of another time, rather than by the next.

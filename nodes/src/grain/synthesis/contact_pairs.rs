@@ -19,7 +19,7 @@ pub const COMPONENTS: [Component; 3] = [Component::Whole, Component::Steady, Com
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Pair {
     bodies: [u32; 2],
-    /// For sliding and for rolling: sum of squared gains in the frames at `latest`, of these times speeds, and of normal forces.
+    /// Sums over the frames at `latest`, for sliding and for rolling: squared gains, squared gains times speeds, and normal forces.
     power: [f64; KINDS],
     speed: [f64; KINDS],
     load: [f64; KINDS],
@@ -38,7 +38,7 @@ const RELEASE: f64 = 0.03;
 /// Frames without which a contact has ended.
 const MISSING: i64 = 3;
 
-/// The pairs of bodies that are in contact, and what they sound like.
+/// The pairs of bodies that are in contact, with their sounds.
 #[derive(Debug)]
 pub struct ContactPairs {
     pairs: Vec<Pair>,
@@ -62,7 +62,7 @@ pub struct ContactPairs {
 crate::impl_state!(ContactPairs { pairs, frames, count, not_finite, dropped, others });
 
 impl ContactPairs {
-    /// Up to `room` pairs at a time, of which one body is `object`, with the sounds of sliding and of rolling.
+    /// Up to `room` pairs at a time that contain the body `object`, with the sounds of sliding and of rolling.
     #[must_use]
     pub fn new(room: usize, object: Option<u32>, mut sounds: [Vec<ContactSound>; KINDS]) -> Self {
         let ranges = sounds.each_mut().map(|sounds| {
@@ -188,7 +188,7 @@ impl ContactPairs {
         }
     }
 
-    /// Forgets the pairs that are apart and silent, and returns true if there is room for another.
+    /// Removes the pairs that are apart and silent, and returns true if there is room for another.
     fn has_room(&mut self, now: i64) -> bool {
         self.pairs.retain(|pair| {
             let sounds = pair.chains.iter().flatten().flatten().any(|chain| !chain.has_ended(now));

@@ -10,7 +10,7 @@ use realfft::num_complex::Complex;
 
 /// Samples of a frame of the spectrum of the grains.
 const FRAME: usize = 1024;
-/// Most samples of noise before it repeats; it is periodic, so that it repeats without a join.
+/// Maximum period of the noise, samples; it is periodic, so that it repeats without a join.
 const MAX_PERIOD: usize = 1 << 18;
 
 /// Periodic Gaussian noise with a power spectrum and a mean square of 1.

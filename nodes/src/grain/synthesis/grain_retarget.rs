@@ -29,10 +29,10 @@ params! {
     /// Plays grains of recordings that follow contacts: impacts, sliding and rolling.
     ///
     /// An impact plays a recording of an impact whose tags are those of `impact`, with an amplitude that follows its energy. With patterns each
-    /// recording has `variations`, whose grains are exchanged for similar ones, and no impact sounds like another. Sliding and rolling play
-    /// chains of grains of continuous recordings, one after the other, whatever the rate of the physics, with a level that follows the
-    /// power of the contact. The frequency of the steady part follows the speed; the transient part remains as it was recorded. With `tracks` of the
-    /// dictionary a steady grain lasts as long as its recording, at any frequency; without them it is played faster or slower. All
+    /// recording has `variations`, whose grains are exchanged for similar ones, so that no two impacts are equal. Sliding and rolling play
+    /// chains of grains of continuous recordings, one after the other, at any rate of the physics, with a level that follows the
+    /// power of the contact. The frequency of the steady part follows the speed; the transient part remains as it was recorded. With `tracks` of
+    /// the dictionary a steady grain has the duration of its recording at any frequency; without them it is played faster or slower. All
     /// contacts of two bodies are one chain. Rubbing at another speed may not change the spectrum, while a load widens its peaks: `gamma: 0`
     /// with `width_by_load` follows that.
     ///
@@ -54,7 +54,7 @@ params! {
         rolling: Text = "roll rolling".into();
         /// Tags of breaking, for impacts of at least `break_energy`; a trigger has no energy.
         breaking: Text = "break".into();
-        /// Tags of what triggers play, by their index; a trigger of another index plays an impact.
+        /// Tags of the sounds of triggers, by their index; a trigger of another index plays an impact.
         triggered: Vec<Text> = Vec::new();
         /// Body whose impacts and contacts sound; None for all.
         object: Option<u32> = None, unit "", range 0..=u32::MAX;
@@ -62,9 +62,9 @@ params! {
         energy_ref: f64 = 0.1, unit "J", range 1e-12..=1.0e9_f64;
         /// Smallest and largest gain of an impact; below the smallest it is silent.
         range: [f64; 2] = [-60.0, 12.0], unit "dB", range -200.0..=60.0;
-        /// Energy from which on an impact plays the whole recording; below it plays its first grain only.
+        /// Minimum energy of an impact that plays the whole recording; a weaker one plays its first grain only.
         whole_energy: f64 = 0.0, unit "J", range 0.0..=1.0e9_f64;
-        /// Energy from which on an impact breaks something.
+        /// Minimum energy of an impact that breaks something.
         break_energy: Option<f64> = None, unit "J", range 0.0..=1.0e9_f64;
         /// Variations of each recorded impact.
         variations: usize = 64, unit "", range 1..=1024;

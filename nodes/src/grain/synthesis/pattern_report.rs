@@ -19,7 +19,7 @@ use crate::table::ResultTable;
 use crate::{params, ports};
 
 params! {
-    /// Shows how well patterns describe recordings: peaks of the correlation, grains that are played, and the error of the sound.
+    /// Compares recordings with their patterns: peaks of the correlation, grains that are played, and the error of the sound.
     ///
     /// `table` has a row for each recording: the number of peaks, the grains of the walk, the share of the time without a grain, the
     /// segmental signal-to-noise ratio (frames of 20 ms, each between -10 and 35 dB) and the log-spectral distance. Tapped as SVG it draws

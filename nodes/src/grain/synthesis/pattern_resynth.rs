@@ -23,8 +23,8 @@ use std::sync::Arc;
 params! {
     /// Plays a recording from its pattern of grains.
     ///
-    /// After each grain the best one follows that begins where its last taper begins, or soon after. Each has the power of the recording
-    /// under it. Grains that were neighbours join without a trace, others are faded over. Steady and transient part are added.
+    /// Each grain is followed by the best one that begins where its last taper begins, or soon after. Each has the power of the recording
+    /// under it. Neighbouring grains join seamlessly, others are cross-faded. Steady and transient part are added.
     ///
     /// # Source
     /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 4.1. The
@@ -38,7 +38,7 @@ params! {
         repeat: bool = false;
         /// Duration of the output; None for no end.
         duration: Option<f64> = Some(5.0), unit "s", range 0.0..=86_400.0;
-        /// What follows a grain after which no other begins soon.
+        /// Sound after a grain that no other follows soon.
         gap: GapRule = GapRule::Extend;
         /// Factor on the output.
         gain: f32 = 1.0, unit "", range 0.0..=1000.0;
@@ -71,7 +71,7 @@ ports! {
 #[derive(Debug)]
 struct Part {
     component: Component,
-    /// What the segments are pieces of.
+    /// The dictionary that the segments are parts of.
     dictionary: Arc<GrainDictionary>,
     segments: Vec<GrainSegment>,
     /// Longest segment.

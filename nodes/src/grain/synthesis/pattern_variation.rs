@@ -24,7 +24,7 @@ choices! {
 }
 
 params! {
-    /// Makes other sounds of the same recordings: similar to them, and never the same.
+    /// Makes variations of recordings: similar to them, and all different.
     ///
     /// At each time one of the best grains is chosen, with the gain that it has there. Attacks stay at their times. For the rhythm of one
     /// recording with the material of another, correlate the one with the grains of the other.

@@ -1,4 +1,4 @@
-//! What a dictionary offers for impacts and for contact that lasts.
+//! Sounds that a dictionary provides for impacts and for contact that lasts.
 
 use super::segment::{GrainSegment, GrainStep, segments};
 use super::walk::{GapRule, VariationRules, varied, walk};
@@ -27,7 +27,7 @@ pub struct ContactSound {
     pub steps: Vec<GrainStep>,
 }
 
-/// How a dictionary is used.
+/// Rules for the use of a dictionary.
 #[derive(Clone, Copy, Debug)]
 pub struct RepertoireRules {
     /// Number of variations of each impact; 1 for the recording itself.
@@ -85,7 +85,7 @@ fn pattern_of<'a>(patterns: Option<&'a CorrelationPatterns>, source: &GrainSourc
     patterns.and_then(|all| all.patterns.iter().find(is_of_source))
 }
 
-/// Correlation of two variations from which on one of them is left out.
+/// Correlation of two variations at which one of them is left out.
 const ALIKE: f64 = 0.95;
 /// Attempts to find a variation that is unlike all others.
 const ATTEMPTS: usize = 4;

@@ -8,7 +8,7 @@ use std::ops::Range;
 /// Frames that are computed at a time from tracks.
 const BLOCK: usize = 256;
 
-/// Shortest fade between grains that were not neighbours, s.
+/// Shortest fade between grains that are not neighbours, s.
 const SHORTEST_FADE: f64 = 0.002;
 
 /// Shape of a fade.
@@ -17,7 +17,7 @@ pub enum FadeShape {
     /// A raised cosine at half samples: the taper of a grain.
     #[default]
     RaisedCosine,
-    /// With its counterpart it maintains the power of two sounds of this correlation, 0 to 1: sine and cosine at 0, and a constant sum at 1.
+    /// With its counterpart it preserves the power of two sounds of this correlation, 0 to 1: sine and cosine at 0, and a constant sum at 1.
     EqualPower(f32),
 }
 
@@ -67,7 +67,7 @@ pub struct GrainSegment {
     pub gain: f32,
     /// Samples of the run for each frame.
     pub ratio: f32,
-    /// Shift of the frequency at the same duration, octaves: what is not 0 is played by the tracks of the grain.
+    /// Shift of the frequency at the same duration, octaves: a shift other than 0 is played by the tracks of the grain.
     pub octaves: f32,
 }
 
@@ -92,7 +92,7 @@ impl GrainSegment {
 
     /// The segment in a sound that begins at frame 0 and is played `ratio` times as fast.
     ///
-    /// Ends and fades are rounded in the time of the output, so that segments that overlap in a fade still do.
+    /// Ends and fades are rounded in the time of the output, so that segments that overlap in a fade also overlap after rounding.
     #[must_use]
     pub fn at_speed(&self, ratio: f32) -> Self {
         if ratio == 1.0 {
@@ -233,9 +233,9 @@ pub fn single(dictionary: &GrainDictionary, step: &GrainStep) -> Option<GrainSeg
 
 /// Joins two successive segments of grains.
 ///
-/// Neighbours at their distance in the recording overlap in their common taper, and join without a trace. Others are faded over for at
-/// least 2 ms, in the middle of what lies between them, as far as the sound around both reaches; where it does not, a gap remains. The fade
-/// maintains the power for the correlation of both sounds within it: grains that stand for neighbours sum up to the same level.
+/// Neighbours at their distance in the recording overlap in their common taper, and join seamlessly. Others are cross-faded over at least 2 ms,
+/// in the middle of the interval between them, where the sound around both suffices; otherwise a gap remains. The fade
+/// preserves the power for the correlation of both sounds within it: grains that replace neighbours sum up to the same level.
 pub fn join(dictionary: &GrainDictionary, before: &mut GrainSegment, after: &mut GrainSegment) {
     let (Some(a), Some(b)) =
         (dictionary.grains.get(before.grain as usize), dictionary.grains.get(after.grain as usize))
@@ -308,7 +308,7 @@ fn correlation_of(
     if norm > 0.0 { (product / norm * (before.gain * after.gain).signum()).clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// Frame at which the windowed grain of a segment begins, whatever was added before it.
+/// Frame at which the windowed grain of a segment begins, without the sound added before it.
 fn before_window_start(grain: &Grain, segment: &GrainSegment) -> i64 {
     let added = grain.span().start as i64 - i64::from(segment.from);
     segment.start + (added as f64 / f64::from(segment.ratio.max(1e-3))).round() as i64

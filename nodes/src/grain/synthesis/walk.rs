@@ -1,4 +1,4 @@
-//! The walk through a pattern: one grain after the other.
+//! The walk through a pattern, which selects one grain after the other.
 
 use super::segment::GrainStep;
 use crate::choices;
@@ -7,9 +7,9 @@ use crate::grain::correlation::{Pattern, Peak};
 use crate::grain::dictionary::GrainDictionary;
 
 choices! {
-    /// What follows a grain after which no other begins soon.
+    /// Sound after a grain that no other follows soon.
     pub enum GapRule {
-        /// The best grain in an interval that is twice as long, repeatedly.
+        /// The best grain in an interval twice as long, and so on.
         Extend,
         /// Silence until the next grain.
         Leave,
@@ -18,7 +18,7 @@ choices! {
     }
 }
 
-/// Correlation below the greatest up to which the earliest grain is taken.
+/// Difference from the greatest correlation up to which the earliest grain is taken.
 const NEARLY_BEST: f32 = 0.02;
 
 /// Returns the peaks of a pattern that begin in `from ..= to`.
@@ -49,12 +49,12 @@ fn advance(dictionary: &GrainDictionary, grain: u32) -> i64 {
         .map_or(1, |g| (g.window_len() as i64 - i64::from(g.taper[1])).max(1))
 }
 
-/// Walks through a pattern: after each grain the best one that begins where its last taper begins, or up to half the median length of
-/// grains later. The peaks of a sequence are taken as they are.
+/// Walks through a pattern: each grain is followed by the best one that begins where its last taper begins, or up to half the median length
+/// of grains later. The peaks of a sequence are taken as they are.
 ///
 /// # Source
 /// Picard, Tsingos and Faure, "Retargetting Example Sounds to Interactive Physics-Driven Animations" (AES 35, 2009), section 4.1; of
-/// candidates that are nearly the best the earliest is taken, so that short grains are not left out.
+/// of candidates that are nearly the best, the earliest is taken, so that short grains are not left out.
 #[must_use]
 pub fn walk(pattern: &Pattern, dictionary: &GrainDictionary, gap: GapRule) -> Vec<GrainStep> {
     if pattern.is_sequence {
@@ -129,7 +129,7 @@ const AVOIDED: usize = 2;
 
 /// Changes the duration of a pattern by a factor, without changing its grains.
 ///
-/// At position `p` of the output the walk looks for grains around `p / factor` of the source. Grains are placed as they are, so that a longer
+/// At position `p` of the output the walk searches for grains around `p / factor` of the source. Grains are placed unchanged, so that a longer
 /// sound has more of them. An onset, a grain whose power rises by 6 dB, occurs once, at `factor` times its time. A factor of 1 is the walk.
 ///
 /// # Source
@@ -222,7 +222,7 @@ impl Default for VariationRules {
     }
 }
 
-/// Walks through a pattern with other grains than the best: similar to it, and never the same.
+/// Walks through a pattern with other grains than the best, for a similar but different sound.
 ///
 /// At each time one of the best grains is chosen at random, with the gain that it has there, so that the envelope of the recording remains.
 /// Onsets, grains whose power rises by 6 dB, stay at their times. With a `density` below 1 other grains are left out at random; above 1 more

@@ -64,7 +64,7 @@ impl Block {
     /// The first samples of the block as floats; full scale of integers is +-1.
     ///
     /// # Errors
-    /// Those of `hound`; none occur with this header.
+    /// The errors of `hound`; none occur with this header.
     pub fn decode(&mut self, out: &mut [f32]) -> Result<(), hound::Error> {
         let len = self.bytes_mut(out.len()).len();
         self.file[4..8].copy_from_slice(&((HEADER - 8 + len) as u32).to_le_bytes());

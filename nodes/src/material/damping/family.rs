@@ -1,4 +1,4 @@
-//! Families of damping models: what an estimator fits.
+//! Families of damping models that estimators fit.
 
 use super::model::{DampingModel, EXPONENT, KNOTS, MAX_TERMS};
 use super::monotone_spline::MonotoneSpline;
@@ -13,11 +13,11 @@ pub enum Family {
     Rayleigh,
     /// `g2 lambda^g3`.
     Power,
-    /// `sum_j a_j lambda^j` of so many terms, 1 to 6.
+    /// `sum_j a_j lambda^j` with this number of terms, 1 to 6.
     Caughey(usize),
     /// `g1 + g2 lambda^g3`.
     Hybrid,
-    /// A monotone spline in `ln lambda` of so many knots, 4 to 8.
+    /// A monotone spline in `ln lambda` with this number of knots, 4 to 8.
     Spline(usize),
 }
 

@@ -12,7 +12,7 @@ pub const KNOTS: [usize; 2] = [4, 8];
 /// Minimum and maximum exponent of a power law.
 pub const EXPONENT: [f64; 2] = [0.25, 2.0];
 
-/// The quantity that a damping stands for.
+/// The quantity that a damping represents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Convention {
     /// `c` of the mode equation `z'' + c z' + lambda z = p`, 1/s.
@@ -88,7 +88,7 @@ pub enum ModelError {
         field: &'static str,
         /// Number of values.
         found: usize,
-        /// What is right.
+        /// The number that is needed.
         needed: String,
     },
 }
@@ -172,7 +172,7 @@ impl DampingModel {
                         return Err(range(
                             "knots",
                             knot,
-                            &format!("each has to be above the one before, {last} rad^2/s^2"),
+                            &format!("each must be above the one before, {last} rad^2/s^2"),
                         ));
                     }
                     last = knot;
@@ -239,7 +239,7 @@ mod tests {
             (DampingModel::Caughey { a: vec![0.0; 7] }, "`a` holds 7 numbers; 1 to 6"),
             (
                 DampingModel::Spline { knots: vec![1.0; 4], rises: vec![0.0; 6] },
-                "`knots` is 1; each has to be above",
+                "`knots` is 1; each must be above",
             ),
             (DampingModel::Spline { knots: vec![1.0, 2.0, 3.0, 4.0], rises: vec![] }, "6 are needed"),
         ] {

@@ -53,7 +53,7 @@ pub struct Settings {
     pub seed: u64,
     /// Fits the other families as well.
     pub compare: bool,
-    /// What is known of the parameters beforehand, for `Mixture` and `Likelihood`.
+    /// Prior of the parameters, for `Mixture` and `Likelihood`.
     pub prior: Option<MaterialPrior>,
 }
 

@@ -77,7 +77,7 @@ impl FitOptions {
         Self { per_feature: false, ..Self::new(family) }
     }
 
-    /// The normalised sample, with the noise that these options ask for.
+    /// The normalised sample, with the noise that these options require.
     pub(crate) fn sample(&self, points: &[DampingPoint]) -> Result<Sample, EstimationError> {
         let mut sample = Sample::new(points, self.family)?;
         if self.relative_noise > 0.0 {
@@ -200,7 +200,7 @@ impl Fit {
 /// Sterling et al. (IEEE TVCG 25(5), 2019), section 4.4, for the likelihood.
 pub fn fit(points: &[DampingPoint], options: &FitOptions) -> Result<Fit, EstimationError> {
     if matches!(options.excess, Excess::Gamma(_)) && options.truncated_below.is_some() {
-        return Err(EstimationError::Option("a gamma excess cannot be truncated: leave out one of both"));
+        return Err(EstimationError::Option("a gamma excess cannot be truncated: leave out one of the two"));
     }
     let sample = options.sample(points)?;
     let floor = options.floor_of(&sample);

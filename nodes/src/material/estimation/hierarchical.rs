@@ -15,7 +15,7 @@ const MIN_FOR_SPREAD: usize = 8;
 /// Most recordings with rates of their own; more share the mean.
 const MAX_RECORDINGS: usize = 400;
 
-/// Most recordings that are told apart at all; later ones share the mean.
+/// Maximum number of recordings that are distinguished; later ones share the mean.
 const MAX_INDEX: usize = 1 << 20;
 
 /// A joint fit.

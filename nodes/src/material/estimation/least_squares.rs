@@ -6,7 +6,7 @@ use super::point::Sample;
 use super::scan::maximum_within;
 use crate::material::damping::Family;
 
-/// The quantity of which squared differences are summed.
+/// The quantity whose squared differences are summed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Space {
     /// `y - c`.

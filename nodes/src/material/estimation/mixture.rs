@@ -20,7 +20,7 @@ const PRIOR: [f64; 2] = [0.5, 10.0];
 const CLUSTER: f64 = 8.0;
 /// Share of spurious points above which it has one.
 const CROWDED: f64 = 0.5;
-/// Maximum number of times that clusters are looked for.
+/// Maximum number of searches for clusters.
 const SEARCHES: usize = 3;
 /// Largest logit of the share of a cluster.
 const MAX_LOGIT: f64 = 14.0;
@@ -154,8 +154,8 @@ impl<'a> Mixture<'a> {
         self.likelihood.total_weight()
     }
 
-    /// The shares of the clusters of which more than half is spurious at `z`, if a share of its own raises the likelihood of a cluster by
-    /// more than the logarithm of the number of points.
+    /// Shares of the clusters that are mostly spurious at `z`, where a share of its own raises the likelihood of a cluster by more than the
+    /// logarithm of the number of points.
     fn crowded(&self, z: &[f64], points: &[DampingPoint]) -> Vec<u32> {
         let n = self.others(z);
         let mut densities = Vec::new();

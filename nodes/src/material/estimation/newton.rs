@@ -14,15 +14,15 @@ pub(crate) trait Objective {
 const MAX_DAMPINGS: usize = 40;
 /// Shortest fraction of a Newton step that is tried.
 const MIN_LENGTH: f64 = 1e-9;
-/// Relative gain below which a value says nothing.
+/// Relative gain below which a change of the value is rounding error.
 const ROUNDING: f64 = 1e-13;
 
-/// When an ascent ends.
+/// Condition at which an ascent ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Stop {
-    /// When the largest component of the projected gradient is at most this.
+    /// The largest component of the projected gradient is at most this.
     Gradient(f64),
-    /// When a Newton step is expected to gain at most this; the step is taken, and its gain is not evaluated.
+    /// A Newton step is expected to gain at most this; the step is taken, and its gain is not evaluated.
     Gain(f64),
 }
 
@@ -39,7 +39,7 @@ pub(crate) struct Ascent {
     pub evaluations: usize,
 }
 
-/// Returns true if the bound at `z` keeps the gradient `g` from being followed.
+/// Returns true if the bound at `z` prevents a step along the gradient `g`.
 pub(crate) fn blocked(z: f64, g: f64, [low, high]: [f64; 2]) -> bool {
     (z <= low && g <= 0.0) || (z >= high && g >= 0.0)
 }

@@ -40,7 +40,7 @@ pub fn recordings(points: &[DampingPoint]) -> Vec<u32> {
     ids
 }
 
-/// Error in points, or in what is to be fitted to them.
+/// Error in points, or in the model to be fitted to them.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum EstimationError {
@@ -56,7 +56,7 @@ pub enum EstimationError {
     },
     /// Frequencies that do not determine the curve.
     #[error(
-        "the points have {distinct} distinct frequencies; {needed} are needed to tell the parameters apart"
+        "the points have {distinct} distinct frequencies; {needed} are needed to determine the parameters"
     )]
     RankDeficient {
         /// Number of distinct frequencies.

@@ -1,4 +1,4 @@
-//! Fits of few recordings with a prior: what the materials of a library have in common.
+//! Fits of few recordings with a prior: the distribution of the parameters of the materials of a library.
 
 use super::fit::Fit;
 use super::likelihood::Likelihood;
@@ -12,9 +12,9 @@ use crate::material::damping::{DampingModel, Family};
 const MAX: usize = 3;
 /// Range of the logarithm of a linear parameter in normalised units.
 const LOGARITHMS: [f64; 2] = [-60.0, 27.0];
-/// Parameter in normalised units from which a fit starts at least.
+/// Minimum start of a parameter, in normalised units.
 const LEAST_START: f64 = 1e-3;
-/// Standard deviation that a parameter has at least over materials.
+/// Minimum standard deviation of a parameter over materials.
 const LEAST_SPREAD: f64 = 0.05;
 
 /// Normal distribution of the parameters of materials: of the logarithms of those that are linear in the damping, and of an exponent.

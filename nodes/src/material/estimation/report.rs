@@ -9,7 +9,7 @@ use std::fmt;
 /// Frequencies at which dampings are reported, Hz.
 pub const REPORTED_HZ: [f64; 5] = [100.0, 300.0, 1000.0, 3000.0, 10_000.0];
 
-/// What one point consists of.
+/// Decomposition of one point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PointReport {
     /// Damping of the material at its frequency, 1/s.
@@ -35,7 +35,7 @@ pub enum FitWarning {
     NonRegular(String),
     /// Fewer recordings than an estimate of the constant part needs.
     FewRecordings(usize),
-    /// The noise is wider than the excess: the constant part and the mean support damping are told apart by little. The sum is
+    /// The noise is wider than the excess: the constant part and the mean support damping can hardly be separated. The sum is
     /// `a1 + 1/eta`, 1/s.
     SupportConfounded {
         /// `eta sigma`.
@@ -86,7 +86,7 @@ impl fmt::Display for FitWarning {
             }
             Self::SupportConfounded { shape, sum } => write!(
                 f,
-                "the noise is {shape:.2} times the mean support damping: the constant part and the support are hard to tell apart, \
+                "the noise is {shape:.2} times the mean support damping: the constant part and the support can hardly be separated, \
                  but their sum is {sum:.4} 1/s"
             ),
             Self::NoLeverage { octaves } => write!(

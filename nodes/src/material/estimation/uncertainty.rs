@@ -308,7 +308,7 @@ impl Replicates {
     /// The interval of a figure of each replicate, whose value for the estimate itself is `best`: the percentiles, reflected around it,
     /// because the estimate lies above a steep edge of the data and its error is skewed. A figure of at least 0 has an interval above 0.
     ///
-    /// Resampling `n` groups underestimates their variance by `1 - 1/n`, and does not know that it is estimated: the percentiles are those of
+    /// Resampling `n` groups underestimates their variance by `1 - 1/n`, and treats it as known: the percentiles are those of
     /// `sqrt(n / (n - 1)) t` standard deviations, with Student's t of `n - 1` degrees of freedom.
     ///
     /// # Source

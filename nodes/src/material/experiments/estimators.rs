@@ -12,7 +12,7 @@ use crate::material::statistics::quantile;
 /// An estimator of an experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compared {
-    /// Maximum likelihood with one noise, which knows nothing of accuracies: the paper's.
+    /// Maximum likelihood with one noise, without accuracies: the paper's.
     Paper,
     /// Maximum likelihood with the noise of each feature.
     PerFeature,

@@ -28,7 +28,7 @@ params! {
     /// Log-likelihood of a damping fit against iterations, for the paper's ascent along the gradient and for better methods.
     ///
     /// All start from half of the least-squares line: ascent by fixed steps along the gradient, expectation-maximisation, the
-    /// quasi-Newton method L-BFGS, and the scan over shapes with Newton steps, of which the end and the number of steps are shown. The
+    /// quasi-Newton method L-BFGS, and the scan over shapes with Newton steps; the end and the number of steps are shown. The
     /// likelihood is that of the `Paper` preset with a Rayleigh curve.
     ///
     /// # Source
@@ -56,7 +56,7 @@ ports! {
 #[derive(Debug)]
 pub struct FitConvergence;
 
-/// The way of one method to the optimum.
+/// Convergence of one method to the optimum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trace {
     /// Name of the method.

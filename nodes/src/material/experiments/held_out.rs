@@ -1,4 +1,4 @@
-//! Knocks that are left out of a fit, and what candidate materials make of them.
+//! Scores of candidate materials on knocks that are left out of a fit.
 
 use crate::material::damping::{DampingModel, Family};
 use crate::material::estimation::emg::Emg;
@@ -89,7 +89,7 @@ impl Candidate {
     }
 }
 
-/// What a candidate makes of a take.
+/// Scores of a candidate on a take.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
     /// Name of the candidate.

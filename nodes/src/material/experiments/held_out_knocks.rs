@@ -37,9 +37,10 @@ params! {
     /// distance of the resynthesis, which has the frequencies and amplitudes of the take and the decay rates `(c(lambda) + 1/eta)/2` of the
     /// candidate. The chance rate is that of a guess.
     ///
-    /// Takes whose files are listed in `recordings` are compared with their recordings, of which each resynthesis has what the take's own
-    /// modes leave unexplained; others are compared with the resynthesis of their own decay rates. An object of whose takes the modes of the
-    /// others leave more than -10 dB unexplained, by the linked reports, is not used: these are recordings of several objects.
+    /// Takes whose files are listed in `recordings` are compared with their recordings. The part of the recording that the take's own modes
+    /// leave unexplained is added to each resynthesis. Other takes are compared with the resynthesis of their own decay rates. An object is
+    /// not used if the modes of some takes leave more than -10 dB of the others unexplained, by the linked reports: these are recordings of
+    /// several objects.
     ///
     /// # Randomness
     /// Synthetic objects are a function of the seed.
@@ -318,7 +319,7 @@ mod tests {
     use crate::core::standalone::{Feed, Standalone};
 
     #[test]
-    fn synthetic_takes_are_told_to_be_of_their_material_far_more_often_than_by_chance() {
+    fn synthetic_takes_are_assigned_to_their_material_far_more_often_than_by_chance() {
         let p = HeldOutKnocksParams::read(&|name| (name == "synthetic").then_some(Datum::Int(8))).unwrap();
         let objects: Vec<KnockedObject> = (0..8).map(|k| synthetic_object(&p, k, 4)).collect();
         let all = held_out(&objects, &[]);

@@ -1,4 +1,4 @@
-//! How often intervals hold the truth, as a node.
+//! Coverage of intervals, as a node.
 
 use super::synthetic::independent_points;
 use crate::core::computation::Monitor;
@@ -30,7 +30,7 @@ pub const METHODS: [&str; 4] = ["standard error", "profile", "simulation", "mixt
 const FEATURES_OF_A_RECORDING: usize = 30;
 
 params! {
-    /// How often 95 % intervals hold the truth, over many simulated data sets of known damping.
+    /// Coverage of 95 % intervals over many simulated data sets of known damping.
     ///
     /// Data sets are independent points of a Rayleigh curve with exponential support damping and normal noise. Intervals are standard
     /// errors, profile likelihoods and refits of simulated data, all of the maximum likelihood, and those of the default of `DampingFit`: a

@@ -19,7 +19,7 @@ const STEPS: usize = 60;
 const BAND: [f64; 2] = [50.0, 20_000.0];
 
 params! {
-    /// Damping parameters of materials beside each other, with the decay times that they mean, and their curves over frequency.
+    /// Damping parameters of materials beside each other, with the corresponding decay times, and their curves over frequency.
     ///
     /// Each row is one material: its parameters in the convention of `c` (1/s, s, s^(2 g3 - 1)), and the time of a decay by 60 dB at 100,
     /// 300, 1000, 3000 and 10,000 Hz, which can be compared across models.

@@ -1,4 +1,4 @@
-//! What spurious features cost estimators, as a node.
+//! Errors of estimators due to spurious features, as a node.
 
 use super::estimators::{Compared, median_and_mean, relative_errors};
 use super::interval_coverage::TRUTH;
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 params! {
-    /// What spurious features cost estimators: median errors of both parameters of a Rayleigh curve over many simulated data sets.
+    /// Errors of estimators due to spurious features: medians for both parameters of a Rayleigh curve over many simulated data sets.
     ///
     /// Some of the features belong to no mode: their damping is log-uniform from 0.5 to 500 1/s, at any frequency or clustered at three.
     /// Each row has the median relative errors, and how many times those of the plain fit of clean data they are.
@@ -54,7 +54,7 @@ pub struct SpuriousFeatures;
 /// Frequencies of spurious features.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// Those of the features that they replace.
+    /// The frequencies of the features that they replace.
     LogUniform,
     /// Within 0.1 % of one of three.
     Clustered,

@@ -25,7 +25,7 @@ const SUPPORT: [f64; 2] = [2.0, 30.0];
 const DIRECTIONS: [f64; 3] = [1.0, 0.25, 0.25];
 /// Duration of the half sine of the impact, s.
 const IMPACT: f64 = 3e-4;
-/// Level below that of the loudest mode from which on modes are not found, dB.
+/// Level of the softest modes that are found, relative to the loudest, dB.
 const QUIETEST: f64 = -50.0;
 /// Largest damping of a feature, 1/s: twice the `d_max` of the gate.
 const FASTEST: f64 = 1000.0;
@@ -212,8 +212,8 @@ impl Collection {
     }
 
     /// The same sounds as audio of 2 s at 44.1 kHz, with white noise of an RMS `noise` relative to the peak; their features are those
-    /// that [`extract`] finds and the default [`Gate`] lets pass. A sound of which nothing is found has none, and so have those after
-    /// `monitor` has stopped it.
+    /// that [`extract`] finds and the default [`Gate`] lets pass. A sound in which nothing is found has no features; neither have the sounds
+    /// after `monitor` has stopped it.
     ///
     /// # Complexity
     /// An extraction, of some tenths of a second, for each sound, in parallel; a function of `rng` for any number of threads.

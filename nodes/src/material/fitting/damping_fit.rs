@@ -62,7 +62,7 @@ choices! {
     }
 }
 choices! {
-    /// What has a support damping of its own, for `Hierarchical`.
+    /// Unit that has a support damping of its own, for `Hierarchical`.
     pub enum SupportGroup {
         /// Each recording.
         Recording,
@@ -84,9 +84,10 @@ params! {
     /// Estimates the damping of a material from points of damping over frequency.
     ///
     /// Each damping is that of the material, plus that of the support, which is exponentially distributed, plus normal noise. The
-    /// estimator takes the three apart; `Mixture` sets spurious features apart as well, a few of which ruin the others; features
+    /// estimator separates the three. `Mixture` also separates spurious features, a few of which ruin the other estimates. Features
     /// of one frequency that are mostly spurious, as those of a striker that rings, count as a group. The summary lists the parameters,
-    /// their 95 % intervals, and the reasons to doubt them; a tap of `report` as SVG is the figure of the fit. Intervals are those of resampled recordings, so they need several.
+    /// their 95 % intervals, and the reasons to doubt them. A tap of `report` as SVG is the figure of the fit. Intervals are those of
+    /// resampled recordings, so they need several.
     ///
     /// # Randomness
     /// Resampled and simulated data, and so the intervals and the test of the fit, are a function of the seed.
@@ -101,7 +102,7 @@ params! {
         model: DampingFamily = DampingFamily::Rayleigh;
         /// Number of terms of `Caughey` (1 to 6), or of knots of `Spline` (4 to 8).
         order: usize = 4, unit "", range 1..=8;
-        /// What has a support damping of its own, for `Hierarchical`.
+        /// Unit that has a support damping of its own, for `Hierarchical`.
         group: SupportGroup = SupportGroup::Recording;
         /// Options of the likelihood.
         preset: FitPreset = FitPreset::Default;

@@ -27,7 +27,7 @@ use std::sync::mpsc::{Receiver, channel};
 const BLOCK: f64 = 0.001;
 /// Time over which the energy before a block is averaged, s.
 const BEFORE: f64 = 0.05;
-/// Sound before a knock that its analysis sees, s: it tells the noise.
+/// Sound before a knock that its analysis includes, s: it gives the noise.
 const LEAD: f64 = 0.1;
 /// Shortest time between two knocks, s.
 const APART: f64 = 0.05;
@@ -56,7 +56,7 @@ params! {
         capture: f64 = 1.0, unit "s", range 0.05..=10.0;
         /// Rise of the level within 1 ms that is a knock.
         rise: f64 = 20.0, unit "dB", range 3.0..=100.0;
-        /// Level that a knock has at least.
+        /// Minimum level of a knock.
         floor: f64 = -45.0, unit "dB", range -120.0..=0.0;
         /// Time from the end of a captured sound to the event: longer than the analysis takes, or a graph that plays misses windows and the
         /// event is late.

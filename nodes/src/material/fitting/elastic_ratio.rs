@@ -15,7 +15,7 @@ use crate::table::ResultTable;
 use crate::{params, ports};
 use serde::{Deserialize, Serialize};
 
-/// Score of the second best scale, relative to the best one, from which on the ratio is ambiguous.
+/// Minimum score of the second best scale, relative to the best one, at which the ratio is ambiguous.
 const AMBIGUOUS: f64 = 0.8;
 /// Share of the frequencies that have to match.
 const LEAST_SCORE: f64 = 0.5;
@@ -24,7 +24,7 @@ params! {
     /// The ratio of Young's modulus to density of an object of known shape, from the frequencies of its recordings.
     ///
     /// Frequencies of a shape scale with `sqrt(E/rho)`, so the scale at which most measured ones have a computed partner gives `E/rho`.
-    /// Their sound says nothing of `E` and `rho` themselves. Each link of `models` is the same shape; models of several Poisson's ratios
+    /// Their sound does not determine `E` and `rho` themselves. Each link of `models` is the same shape; models of several Poisson's ratios
     /// are compared, and the best one wins. `second_peak` near 1 means that another ratio fits as well. The ratio of the models may be
     /// wrong by a factor of up to 11.
     ///
@@ -47,7 +47,7 @@ ports! {
             models: Many<Value<ModalModel>>,
         }
         out {
-            /// The ratio, how certain it is, and the matched modes.
+            /// The ratio, its certainty, and the matched modes.
             report: Value<ElasticRatioReport>,
             /// The matched modes.
             table: Value<ResultTable>,

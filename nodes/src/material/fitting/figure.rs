@@ -1,4 +1,4 @@
-//! The figure of a fit: points with the fitted curve, and the distribution of what is above it.
+//! The figure of a fit: points with the fitted curve, and the distribution of the excess.
 
 use crate::core::item::Data;
 use crate::core::random::Rng;

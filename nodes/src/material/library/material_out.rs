@@ -17,7 +17,7 @@ params! {
     pub struct MaterialOutParams {
         /// The file, such as `porcelain.material.ron`.
         path: OutPath;
-        /// SVG of the fit: points, fitted curve with interval, and the distribution of what is above the curve.
+        /// SVG of the fit: points, fitted curve with interval, and the distribution of the excess.
         figure: Option<OutPath> = None;
     }
 }

@@ -122,8 +122,8 @@ fn doubled(model: DampingModel) -> DampingModel {
 /// Reads a material.
 ///
 /// # Errors
-/// Line and column, what was found, and what would be right: a damping without a convention, numbers out of range, and those in
-/// another unit.
+/// Line and column, the value found, and what is needed: a damping without a convention, numbers out of range, and numbers in another
+/// unit.
 ///
 /// # Example
 /// ```

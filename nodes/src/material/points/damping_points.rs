@@ -19,7 +19,7 @@ pub const MAX_POINTS: usize = 1 << 20;
 pub enum DropReason {
     /// It decays too slowly for a mode.
     DTooSmall,
-    /// It decays too fast to be told from the contact.
+    /// It decays too fast to be distinguished from the contact.
     DTooLarge,
     /// Its amplitude is too far below that of the loudest.
     Quiet,
@@ -45,7 +45,7 @@ pub struct Dropped {
     pub reason: DropReason,
 }
 
-/// Points with their recordings, and what was dropped.
+/// Points with their recordings, and the dropped features.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DampingPoints {
@@ -102,7 +102,7 @@ impl DampingPoints {
 /// deviation of that column), `weight`, `recording` (a name) and `mode` (a number shared by the recordings of one mode).
 ///
 /// # Errors
-/// A message with the line, what was found, and what would be right.
+/// A message with the line, the value found, and what is needed.
 ///
 /// # Example
 /// ```
@@ -115,7 +115,7 @@ pub fn read_points(bytes: &[u8]) -> Result<DampingPoints, String> {
     let bytes = strip_bom(bytes);
     let json = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
     let points = if json {
-        serde_json::from_slice(bytes).map_err(|e| format!("these are no points: {e}"))?
+        serde_json::from_slice(bytes).map_err(|e| format!("these are not points: {e}"))?
     } else {
         from_csv(bytes)?
     };
@@ -130,7 +130,7 @@ pub fn read_points(bytes: &[u8]) -> Result<DampingPoints, String> {
     let given =
         points.truncated_below.into_iter().chain(points.dropped.iter().flat_map(|d| [d.freq_hz, d.decay]));
     if let Some(wrong) = given.into_iter().find(|x| !x.is_finite()) {
-        return Err(format!("a number is {wrong}; it has to be finite"));
+        return Err(format!("a number is {wrong}; it must be finite"));
     }
     Ok(points)
 }
@@ -142,7 +142,9 @@ fn from_csv(bytes: &[u8]) -> Result<DampingPoints, String> {
     let header: Vec<String> = csv.headers().map_err(|e| e.to_string())?.iter().map(str::to_owned).collect();
     let index = |name: &str| header.iter().position(|column| column == name);
     let either = |a: &str, b: &str| match (index(a), index(b)) {
-        (Some(_), Some(_)) => Err(format!("columns `{a}` and `{b}` say the same: leave out one of both")),
+        (Some(_), Some(_)) => {
+            Err(format!("columns `{a}` and `{b}` state the same quantity: leave out one of them"))
+        }
         (None, None) => Err(format!("no column `{a}` or `{b}`; columns are {COLUMNS}")),
         (first, second) => Ok((first.or(second).unwrap_or(0), first.is_none())),
     };
@@ -284,7 +286,7 @@ mod tests {
         for (text, part) in [
             ("frequency\n1\n", "no column `c` or `d`"),
             ("d,sd\n1,1\n", "no column `lambda` or `frequency`"),
-            ("lambda,frequency,c\n1,1,1\n", "say the same"),
+            ("lambda,frequency,c\n1,1,1\n", "state the same quantity"),
             ("frequency,c,colour\n1,1,1\n", "they may be"),
             ("frequency,c\n100,1\n100,-1\n", "line 3: `c` is \"-1\"; a number from 0.000000001"),
             ("frequency,c\n100,NaN\n", "line 2: `c` is \"NaN\""),

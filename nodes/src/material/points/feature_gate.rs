@@ -12,8 +12,8 @@ use crate::{params, ports};
 params! {
     /// Makes points of damping over frequency of the modes of recordings, for a `DampingFit`.
     ///
-    /// Each list is one recording. What decays too slowly is a hum, what decays too fast is part of the contact, and what is
-    /// too soft has no certain decay; each feature that is dropped keeps its reason in a tap of `points`. Features of different
+    /// Each list is one recording. A feature that decays too slowly is a hum, one that decays too fast is part of the contact, and one
+    /// that is too soft has no certain decay. A tap of `points` has the reason for each feature that is dropped. Features of different
     /// recordings of one object within 0.5 Hz or 0.1 % count as one mode. If more than 1 % were too slow, the fit takes
     /// this into account.
     ///
@@ -42,7 +42,7 @@ ports! {
             modes: Many<Value<Modes>>,
         }
         out {
-            /// The points, and what was dropped.
+            /// The points, and the dropped features.
             points: Value<DampingPoints>,
         }
     }

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 const HUM_WIDTH: f64 = 0.3;
 /// Decay rate below which a multiple of a mains frequency is hum, 1/s.
 const HUM_DECAY: f64 = 1.0;
-/// Share of features that are dropped as too slow from which on the fit has to know of it.
+/// Minimum share of features dropped as too slow that the fit has to account for.
 const TRUNCATED_SHARE: f64 = 0.01;
 /// Distance of one mode in two recordings: Hz, and relative.
 const SAME_MODE: [f64; 2] = [0.5, 0.001];

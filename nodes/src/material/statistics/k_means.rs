@@ -34,7 +34,7 @@ impl Points {
         self.at.get(k * self.dims..(k + 1) * self.dims).unwrap_or_default()
     }
 
-    /// Makes one dimension count so many times as much.
+    /// Multiplies the weight of one dimension by a factor.
     pub fn scale_dim(&mut self, dim: usize, factor: f64) {
         self.at.iter_mut().skip(dim).step_by(self.dims.max(1)).for_each(|x| *x *= factor);
     }

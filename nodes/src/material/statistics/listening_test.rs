@@ -29,7 +29,7 @@ params! {
     /// those of the next material, and so on; then the next object. The node writes each as a WAV beside the form, named after the three, and
     /// so the recordings. All have one A-weighted level in their loudest 125 ms, unless their peak would exceed 0.9.
     ///
-    /// The form needs a browser only, and sends nothing. It asks for pairs of a recording and a sound, half of one material and half of different
+    /// The form needs a browser only, and sends nothing. It presents pairs of a recording and a sound, half of one material and half of different
     /// ones, which depend on the name of the subject. It saves a CSV that `RatingStatistics` reads.
     ///
     /// # Source
@@ -67,7 +67,7 @@ ports! {
 const RECORDINGS: RecordingParam =
     RecordingParam { name: "recordings", code: "F077", max: MaxLength::Seconds(LONGEST as u64) };
 
-/// A sound of the form: its file, and what it is.
+/// A sound of the form: its file and its label.
 struct Stimulus {
     file: String,
     object: String,
@@ -112,7 +112,7 @@ fn check_names(field: &'static str, names: &[Text]) -> Result<(), Reject> {
     })
 }
 
-/// What each sound is, as object, material and set.
+/// Object, material and set of each sound.
 fn labels(p: &ListeningTestParams) -> Vec<[&str; 3]> {
     let sets = |object, material| {
         p.sets.iter().map(move |set: &Text| -> [&str; 3] { [object, material, set.0.as_str()] })

@@ -17,7 +17,7 @@ use std::fmt::Write as _;
 const SIGNIFICANT: f64 = 0.05;
 
 params! {
-    /// Tests by the ratings of a listening test whether sounds of one material are more alike than those of different ones.
+    /// Tests by the ratings of a listening test if sounds of one material are more alike than those of different ones.
     ///
     /// The file is a CSV with the columns `set` (name of a set of materials), `pair` (`same` or `different` material) and `rating` (1 to 11);
     /// other columns have no effect. Each set has a row with means, standard deviations, Welch's t test and Cohen's d. The summary has

@@ -55,7 +55,7 @@ pub fn test_ratings(sets: &[RatedSet]) -> RatingReport {
 /// between; a row that repeats the header has no effect.
 ///
 /// # Errors
-/// A message with the line, what was found, and what would be right.
+/// A message with the line, the value found, and what is needed.
 ///
 /// # Example
 /// ```

@@ -40,8 +40,8 @@ fn is_regular(times: &[f64]) -> bool {
     equal >= MIN_INTERVALS && 4 * equal >= 3 * intervals.len()
 }
 
-/// Says in words how the frames of a file with own times and the `rate` of a stream, which the parameter `field` gives, differ; `None`
-/// where they agree to 0.1 %, and for key frames of which none is left out. The speed of the motion is that of the file in any case.
+/// Describes how the frames of a file with own times differ from the `rate` of a stream, which the parameter `field` gives; `None` where
+/// they agree to 0.1 %, and for key frames that are all included. The speed of the motion is that of the file in any case.
 #[must_use]
 pub fn rate_difference(times: &[f64], rate: Rate, field: &str) -> Option<String> {
     let (&first, &last) = (times.first()?, times.last()?);
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rate_that_is_not_that_of_the_file_is_told_in_words() {
+    fn a_rate_that_is_not_that_of_the_file_is_described_in_words() {
         let times: Vec<f64> = (0..49).map(|k| f64::from(k) / 24.0).collect();
         let text = |rate| rate_difference(&times, Rate::hz(rate), "fps");
         assert_eq!(text(24), None);

@@ -28,7 +28,7 @@ impl FrameSampler {
     /// of the two adjacent frames.
     ///
     /// # Errors
-    /// Those of the reader, and a time that is not finite.
+    /// As the reader, and for a time that is not finite.
     ///
     /// # Complexity
     /// O(log frames + vertices), at most two reads, no allocation of its own.

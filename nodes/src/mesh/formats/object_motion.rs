@@ -20,7 +20,7 @@ impl ObjectMotion {
     /// Evaluates the world transform of an object at each time.
     ///
     /// # Errors
-    /// Those of `world`, and [`MeshError::TransformNotFinite`].
+    /// As `world`, and [`MeshError::TransformNotFinite`].
     pub(super) fn evaluate(
         object: String,
         times: Vec<f64>,

@@ -1,4 +1,4 @@
-//! The part of a moving mesh that does not move: triangles, rest pose, materials and what follows from them.
+//! The constant part of a moving mesh: triangles, rest pose, materials and everything that follows from them.
 
 mod area;
 mod disjoint_sets;

@@ -5,7 +5,7 @@ use crate::modal::mode::modes::Modes;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Fraction of the sample rate from which on a mode is left out.
+/// Maximum frequency of a mode, as a fraction of the sample rate; higher modes are left out.
 pub(crate) const MAX_FREQUENCY: f64 = 0.49;
 
 /// Minimum decay, in nepers per sample. Below it, rounding in single precision could let a mode grow. At 44.1 kHz, 60 dB then
@@ -98,7 +98,7 @@ impl Group {
     }
 }
 
-/// What turns sixteen damped sines into their second derivatives over `-|p|^2`, where `p = -d + 2 pi i f` is the pole.
+/// Coefficients that turn sixteen damped sines into their second derivatives over `-|p|^2`, where `p = -d + 2 pi i f` is the pole.
 pub(crate) struct Radiation {
     /// `-(p / |p|)^2`, real and imaginary part; 0 for modes without sound.
     turn: [[f32; LANES]; 2],
@@ -107,7 +107,7 @@ pub(crate) struct Radiation {
 }
 
 impl Radiation {
-    /// For modes whose steps are set, with `damping` times all dampings.
+    /// Coefficients of modes whose steps are set, with `damping` times all dampings.
     #[inline(always)]
     pub fn new(group: &Group, damping: f64, lanes: &Lanes) -> Self {
         let mut radiation = Self { turn: [[0.0; LANES]; 2], constant: [[0.0; LANES]; 2] };

@@ -8,7 +8,7 @@ use crate::modal::mode::modes::Modes;
 use crate::modal::surface::coupling::Coupling;
 use crate::modal::surface::support::Supports;
 
-/// What changes the dampings of the modes of an object: a material, factors over time, and supports.
+/// Dampings of the modes of an object, with all that changes them: a material, factors over time, and supports.
 #[derive(Debug)]
 pub(super) struct Dampings {
     /// Frequency in Hz and decay rate in 1/s of each mode.
@@ -96,7 +96,7 @@ impl Dampings {
     }
 }
 
-/// Combines each number with its own of `others`, or with the only one.
+/// Combines each number with the corresponding one of `others`, or with the only one.
 fn each(numbers: &mut [f32], others: &[f32], combine: impl Fn(&mut f32, f32)) {
     match others {
         [one] => numbers.iter_mut().for_each(|x| combine(x, *one)),

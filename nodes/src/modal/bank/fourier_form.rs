@@ -13,13 +13,13 @@ use std::fmt;
 use std::sync::Arc;
 
 choices! {
-    /// How the modes of a bank are computed.
+    /// Method by which the modes of a bank are computed.
     pub enum BankForm {
         /// Each sample of each mode by itself, exactly.
         Time,
         /// Modes that ring freely by a few bins of a Fourier transform, others in time: for thousands of modes.
         Fourier,
-        /// In time while few modes sound or a force lasts, else by Fourier transforms.
+        /// The time form while few modes sound or a force lasts, else the Fourier form.
         Auto,
     }
 }
@@ -28,12 +28,12 @@ choices! {
 const FRAME: f64 = 1024.0;
 /// Maximum decay of a mode within a frame, nepers: 200/s at 44.1 kHz. Above it the error exceeds -34 dB with five bins.
 const MAX_DECAY: f64 = 4.65;
-/// Vectors of modes whose coefficients are computed anew at a grid point.
+/// Vectors of modes whose coefficients are recomputed at a grid point.
 const REFRESHED: usize = 64;
-/// Number of sounding modes from which on [`BankForm::Auto`] takes the Fourier form.
+/// Number of sounding modes at which [`BankForm::Auto`] changes to the Fourier form.
 ///
-/// By the bench `modal` on one core with AVX-512, it is then 0.95 times as fast with an impact each 1024 samples, 1.3 times with one each 4096, and
-/// 1.7 times with one each second. At 128 modes it is 0.85, 1.06 and 1.3 times as fast.
+/// By the bench `modal` on one core with AVX-512, the Fourier form is then 0.95 times as fast with an impact each 1024 samples, 1.3 times with
+/// one each 4096, and 1.7 times with one each second. At 128 modes it is 0.85, 1.06 and 1.3 times as fast.
 const ENTER: usize = 256;
 /// Number of sounding modes below which [`BankForm::Auto`] leaves the Fourier form.
 const LEAVE: usize = 128;
@@ -103,7 +103,7 @@ impl Held {
     }
 }
 
-/// What the states of modes at a hop are compared with, as squared magnitudes.
+/// Thresholds of the states of modes at a hop, as squared magnitudes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     /// A mode below it is silent, if no force acted in the last hop.
@@ -116,10 +116,10 @@ pub(super) struct Limits {
 
 /// The modes of a bank that ring freely, and their sound in the current hop.
 ///
-/// At the start of each hop the states of all modes that decay slowly enough are moved from the lanes of the bank to here, and the sound
-/// of the whole hop follows by one inverse transform, of which the first half is used (see [`HopFit`]). What forces add during the hop rings
-/// in the lanes, sample by sample, up to the next hop. So an impact sounds at its sample, there is no latency, and the sum is exact up to
-/// the error of the fit. The hops lie at multiples of their length, counted in samples of the stream.
+/// At the start of each hop the states of all modes that decay slowly enough are moved from the lanes of the bank to here. The sound of the
+/// whole hop is the first half of one inverse transform (see [`HopFit`]). Forces during the hop act on the lanes, sample by sample, up to
+/// the next hop. So an impact sounds at its sample, there is no latency, and the sum is exact up to the error of the fit. The hops lie at
+/// multiples of their length, counted in samples of the stream.
 ///
 /// While dampings or frequencies change, and for a hop after it, all modes are in the lanes. Then new coefficients are computed at grid
 /// points, for 1024 modes at each.
@@ -131,7 +131,7 @@ pub(super) struct FourierForm {
     form: BankForm,
     fit: HopFit,
     hop: usize,
-    /// Bins of a mode with those added for alignment, of which the coefficients are 0.
+    /// Bins of a mode, with those added for alignment, whose coefficients are 0.
     width: usize,
     held: Vec<Held>,
     /// True for vectors in which a mode sounds.
@@ -150,7 +150,7 @@ pub(super) struct FourierForm {
     engaged: bool,
     /// True if the sound of the hop is other than 0.
     sounds: bool,
-    /// The sound of the hop, and what the transform leaves behind it.
+    /// The sound of the hop, and the rest of the transform after it.
     sound: Vec<f32>,
     /// Hops in which modes were held.
     hops: u64,
@@ -225,12 +225,12 @@ impl FourierForm {
         other.filter(|other| other.hop == self.hop).map(|other| other.at)
     }
 
-    /// Returns true if the next sample has the position in a hop that `position` has, a position in the stream.
+    /// Returns true if the next sample has the same position in a hop as `position`, a position in the stream.
     pub fn is_at(&self, position: i64) -> bool {
         position.rem_euclid(self.hop as i64) as usize == self.at
     }
 
-    /// Sets the position of the next sample in the stream; nothing may be held.
+    /// Sets the position of the next sample in the stream; requires that no modes are held.
     pub fn set_position(&mut self, position: i64) {
         self.at = position.rem_euclid(self.hop as i64) as usize;
         self.sounds = false;
@@ -246,7 +246,7 @@ impl FourierForm {
         (self.ready, self.settled) = (0, 0);
     }
 
-    /// Computes coefficients of up to so many vectors of modes with `damping` times all dampings.
+    /// Computes coefficients of up to `vectors` vectors of modes with `damping` times all dampings.
     pub fn refresh(&mut self, groups: &[Group], damping: f64, vectors: usize) {
         let Self { fit, hop, width, held, coefficients, ready, .. } = self;
         let size = 2 * LANES * *width;
@@ -282,7 +282,7 @@ impl FourierForm {
         }
     }
 
-    /// Moves the states of all modes to the lanes, and fades what the sound of the hop had in excess of theirs.
+    /// Moves the states of all modes to the lanes, and fades the difference between the sound of the hop and theirs.
     pub fn release(&mut self, lanes: &mut [Lanes], awake: &mut [bool]) {
         if !std::mem::take(&mut self.engaged) {
             return;

@@ -14,9 +14,9 @@ const END_WEIGHT: f64 = 0.125;
 
 /// Fits damped sines over one hop by the bins of a frame of two hops.
 ///
-/// A frame of `N` samples is used in its first half alone, so the second half is free. Of all sums of the bins nearest to a mode, the fit is
-/// the one with the least squared error over the half, with additional weight on its two ends. Every hop follows from the states of the
-/// modes at its start: nothing overlaps, nothing is late, and a new impulse changes nothing before it.
+/// Only the first half of a frame of `N` samples is used, so the second half is free. The fit is the sum of the bins nearest to a mode that
+/// has the least squared error over the half, with additional weight on its two ends. Every hop follows from the states of the
+/// modes at its start: hops do not overlap, there is no latency, and a new impulse changes nothing before it.
 ///
 /// Error relative to a mode at the worst offset between two bins, in dB, over the whole hop, and step from one hop to the next:
 ///
@@ -57,7 +57,7 @@ fn real_hyperbolic(x: f64) -> [f64; 2] {
 }
 
 impl HopFit {
-    /// For frames of `size` samples, an even number, and `bins` bins from 1 to [`MAX_BINS`].
+    /// Creates the fit for frames of `size` samples, an even number, and `bins` bins from 1 to [`MAX_BINS`].
     pub fn new(size: usize, bins: usize) -> Self {
         let (bins, hop) = (bins.clamp(1, MAX_BINS), (size / 2) as f64);
         let scalar_product = |a: usize, b: usize| {

@@ -26,7 +26,7 @@ impl Lanes {
     pub const SILENT: Self =
         Self { less_one: [0.0; LANES], sin: [0.0; LANES], re: [0.0; LANES], im: [0.0; LANES] };
 
-    /// Returns states after some samples without a force, by repeated squares of one step.
+    /// Returns states after some samples without a force, by repeated squaring of one step.
     #[inline(always)]
     pub fn after(&self, re: &[f32; LANES], im: &[f32; LANES], mut samples: usize) -> [[f32; LANES]; 2] {
         let (mut re, mut im) = (re.map(f64::from), im.map(f64::from));

@@ -19,7 +19,7 @@ const POINTS: usize = 8;
 
 /// K-weighted RMS of the sound of modes under a force of 1 N RMS with a constant power density up to 20 kHz, averaged over contact points.
 ///
-/// It follows from the energy of the response to an impulse, by displacement; modes that cancel each other count as little as they sound.
+/// It follows from the energy of the response to an impulse, by displacement, so that modes that cancel each other do not add to it.
 ///
 /// # Errors
 /// As [`Modes::validate`].
@@ -50,7 +50,7 @@ pub fn loudness(modes: &Modes) -> Result<f64, ModesError> {
     Ok((mean / (2.0 * BANDWIDTH)).sqrt())
 }
 
-/// Scale of the gains of modes: 1 for [`Reference::Absolute`], else that which gives a white force of 1 N RMS a level of -40 dB.
+/// Scale of the gains of modes: 1 for [`Reference::Absolute`], else the scale at which a white force of 1 N RMS has a level of -40 dB.
 ///
 /// # Errors
 /// As [`Modes::validate`].

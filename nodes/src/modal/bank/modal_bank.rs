@@ -26,7 +26,7 @@ use crate::{archive_state, choices, params, ports};
 use std::ops::Range;
 
 choices! {
-    /// Part of the damping matrix of supports that counts.
+    /// Entries of the damping matrix of supports that count.
     pub enum SupportCoupling {
         /// Its diagonal: each mode is damped by itself.
         Diagonal,
@@ -56,16 +56,17 @@ params! {
     /// on: link the output of an `ImpactProjector` to `positions` and to an `ImpactForce`. `supports`, from `ContactDamping`, damp each
     /// mode by how much it moves there.
     ///
-    /// For thousands of modes, `form: Fourier` or `Auto` computes modes that ring freely by one inverse Fourier transform per half frame in place
-    /// of each sample of each mode. A frame has 1024 samples at 44.1 kHz, and the nearest power of two in ratio at other rates. There is no
-    /// latency: what a force adds is computed in time until the next half frame begins, so an impact sounds at its sample. Modes that
+    /// For thousands of modes, `form: Fourier` or `Auto` computes modes that ring freely by one inverse Fourier transform per half frame instead
+    /// of sample by sample. A frame has 1024 samples at 44.1 kHz, and the nearest power of two in ratio at other rates. There is no
+    /// latency: the effect of a force is computed in time until the next half frame begins, so an impact sounds at its sample. Modes that
     /// decay by more than 4.65 nepers in a frame, 200/s at 44.1 kHz, are always computed in time, and so are all modes while dampings or
     /// frequencies change. The error relative to the time form depends on `bins`. Under forces that last, the time form costs less.
     ///
     /// # Source
-    /// The Fourier form follows Bonneel, Drettakis, Tsingos, Viaud-Delmon and James, "Fast modal sounds with scalable frequency-domain synthesis" (ACM TOG 27(3), 2008), with bins that are
-    /// fitted to each half frame in place of windows that overlap. Picard, Tsingos and Faure (VRIPHYS 2008), section 5, do not state what of an object is heard: acceleration is a choice. Sterling, Rewkowski, Klatzky and Lin, "Audio-Material Reconstruction
-    /// for Virtualized Reality Using a Probabilistic Damping Model" (IEEE TVCG 2019).
+    /// The Fourier form follows Bonneel, Drettakis, Tsingos, Viaud-Delmon and James, "Fast modal sounds with scalable frequency-domain
+    /// synthesis" (ACM TOG 27(3), 2008), with bins that are fitted to each half frame in place of windows that overlap. Picard, Tsingos and
+    /// Faure (VRIPHYS 2008), section 5, do not state which quantity of an object is heard: acceleration is a choice. Sterling, Rewkowski,
+    /// Klatzky and Lin, "Audio-Material Reconstruction for Virtualized Reality Using a Probabilistic Damping Model" (IEEE TVCG 2019).
     pub struct ModalBankParams {
         /// Motion of the surface that becomes sound.
         output: BankOutput = BankOutput::Acceleration;
@@ -92,8 +93,8 @@ params! {
         max_off_surface: f64 = 0.05, unit "", range 0.0..=1000.0;
         /// Time for which the modes still ring after the end of the last force.
         tail: f64 = 3.0, unit "s", range 0.0..=3600.0;
-        /// How modes are computed. `Auto` takes the Fourier form while at least 256 modes sound and no force acts, and leaves it under a force
-        /// that acts throughout half a frame or below 128 modes.
+        /// Method by which modes are computed. `Auto` uses the Fourier form while at least 256 modes sound and no force acts, and leaves it
+        /// under a force that acts throughout half a frame or below 128 modes.
         form: BankForm = BankForm::Time;
         /// Bins of each mode in the Fourier form. The error is -34 to -42 dB for 5, -50 to -59 dB for 7, and -67 to -76 dB for 9.
         bins: u16 = 5, unit "", range 3..=12_u16;
@@ -146,7 +147,7 @@ pub struct ModalBankNode {
     velocities: Vec<f32>,
 }
 
-/// Frequency below which hardly anything is heard, Hz.
+/// Frequency below which a sound is hardly audible, Hz.
 const LOW: f64 = 60.0;
 
 fn reject(e: impl std::fmt::Display) -> Reject {
@@ -169,7 +170,7 @@ fn last_point(p: &ModalBankParams, k: usize, force: &Incoming<f32>) -> usize {
     }
 }
 
-/// Modes with at least so many contact points: those in addition are where each mode is strongest, until they move.
+/// Modes with at least `points` contact points: the additional ones are where each mode is strongest, until they move.
 fn extended(modes: &Modes, shapes: &ModeShapes, points: usize) -> Modes {
     let mut modes = modes.clone();
     let reach = shapes.reach();
@@ -215,7 +216,7 @@ fn too_many(p: &ModalBankParams, modes: &Modes) -> Option<Reject> {
     })
 }
 
-/// The error for modes that are coupled in the Fourier form, in which each rings by itself.
+/// The error for coupled modes in the Fourier form, in which each mode rings by itself.
 fn coupled_in_fourier(p: &ModalBankParams) -> Option<Reject> {
     (p.coupling == SupportCoupling::Full && p.form == BankForm::Fourier).then(|| {
         let message =
@@ -307,9 +308,7 @@ impl Node for ModalBankNode {
                 Bank::culled(&modes, first.rate.as_f64(), p.output, p.cull).map_err(reject)?.dropped();
             if modes.frequencies.iter().all(|f| f * p.pitch < LOW) {
                 let n = modes.len();
-                s.note(format!(
-                    "all {n} modes lie below {LOW} Hz, where hardly anything is heard: raise `pitch`"
-                ));
+                s.note(format!("all {n} modes are below {LOW} Hz, which is hardly audible: raise `pitch`"));
             }
             if dropped > 0 {
                 let (n, rate) = (modes.len(), first.rate);

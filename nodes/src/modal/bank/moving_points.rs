@@ -43,7 +43,7 @@ impl MovingPoints {
         bank.move_point(point, &self.gains);
     }
 
-    /// Moves the points to where they were on an object of the same or of another shape.
+    /// Moves the points to their former positions on an object of the same or of another shape.
     pub fn take_state(&mut self, bank: &mut Bank, old: &Self) {
         for (point, position) in old.positions.iter().enumerate() {
             if let Some(position) = position {

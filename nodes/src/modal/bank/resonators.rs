@@ -46,8 +46,8 @@ choices! {
 /// With [`set_form`](Self::set_form) modes that ring freely are computed by Fourier transforms, which costs less for some
 /// hundred modes and more.
 ///
-/// While neither forces act nor dampings or frequencies change, modes from 56 Hz at 44.1 kHz on are computed by two poles, and begin anew with the
-/// state of `z` at each grid point: the difference from the rotation is at most 1e-4 of the mode, and 3e-5 from 200 Hz on.
+/// While no forces act and dampings and frequencies do not change, modes above 56 Hz at 44.1 kHz are computed by two poles, which are
+/// initialised with the state of `z` at each grid point: the difference from the rotation is at most 1e-4 of the mode, and 3e-5 above 200 Hz.
 ///
 /// A decayed mode is set to zero, and vectors of modes at zero cost nothing until the next force. The output does not depend on
 /// how the samples are divided into calls, bit for bit.
@@ -238,7 +238,7 @@ impl Bank {
         LANES * self.awake.iter().zip(held).filter(|(awake, held)| **awake || *held).count()
     }
 
-    /// Hops of which modes were computed by Fourier transforms.
+    /// Hops whose modes were computed by Fourier transforms.
     #[must_use]
     pub fn hops(&self) -> u64 {
         self.fourier.as_ref().map_or(0, FourierForm::hops)
@@ -251,7 +251,7 @@ impl Bank {
     /// frame, so there is no latency. While dampings or frequencies change, all modes are in time. The error relative to the time form is -34
     /// to -42 dB for five bins and -50 to -59 dB for seven.
     ///
-    /// [`BankForm::Auto`] takes the Fourier form where no force acted for half a frame and at least 256 modes sound. It leaves it where
+    /// [`BankForm::Auto`] changes to the Fourier form where no force acted for half a frame and at least 256 modes sound. It leaves it where
     /// forces act throughout half a frame or fewer than 128 modes sound. By the bench `modal` on one core with AVX-512, both forms cost the
     /// same at 64 modes if an impact comes each second, and between 256 and 1000 if one comes each 1024 samples.
     ///
@@ -305,7 +305,7 @@ impl Bank {
         }
     }
 
-    /// Sets the states of all modes to those of now, if two poles went on from them.
+    /// Sets the states of all modes to the current ones, if they were computed by two poles.
     fn leave_two_poles(&mut self) {
         if !std::mem::take(&mut self.is_free) {
             return;

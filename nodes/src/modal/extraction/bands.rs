@@ -87,7 +87,7 @@ impl Spectrum {
     }
 }
 
-/// Energy decay curve: what remains from each point on, above a power of noise.
+/// Energy decay curve: the energy after each point, above a power of noise.
 ///
 /// # Source
 /// Schroeder, "New method of measuring reverberation time" (JASA 37, 1965).

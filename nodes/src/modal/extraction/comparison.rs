@@ -5,7 +5,7 @@ use super::onset::onset;
 use crate::material::statistics::quantile;
 use foley_fft::FftPlanner;
 
-/// Level below that of the loudest third of an octave from which on bands do not count, dB.
+/// Range below the loudest third of an octave within which bands count, dB.
 const RANGE: f64 = 40.0;
 /// Levels of the energy decay curve between which a decay is measured, dB: T20.
 const DECAY: [f64; 2] = [-5.0, -25.0];

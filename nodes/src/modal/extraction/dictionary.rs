@@ -70,15 +70,15 @@ pub(super) fn column_products(product: C) -> [f64; 2] {
     [product.re, product.im]
 }
 
-/// A recording seen through its inner products with exponentials.
+/// The inner products of a recording with exponentials.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Problem {
     /// Number of samples.
     pub(super) count: usize,
-    /// Number of samples after those, in which the modes should be silent, with a small weight: what they do there is not known, but modes
-    /// that cancel each other within the recording only to ring after it are none.
+    /// Number of samples after those, in which the modes should be silent, with a small weight: the recording does not constrain them there,
+    /// but modes that cancel each other within the recording only to ring after it do not exist.
     pub(super) after: usize,
-    /// Penalty of the sum of squared amplitudes, which keeps modes from cancelling each other.
+    /// Penalty of the sum of squared amplitudes, which prevents modes from cancelling each other.
     pub(super) ridge: f64,
 }
 
@@ -181,7 +181,7 @@ impl Problem {
         gram
     }
 
-    /// The amplitudes that minimise the energy of the residual plus the penalty, and by how much that is below the energy of the
+    /// The amplitudes that minimise the energy of the residual plus the penalty, and the difference of the minimum from the energy of the
     /// recording; `None` if the columns are linearly dependent.
     pub(super) fn amplitudes(&self, exponents: &[C], products: &[C]) -> Option<(Vec<C>, f64)> {
         let right = right_side(products);

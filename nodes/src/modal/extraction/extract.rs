@@ -19,18 +19,18 @@ use thiserror::Error;
 /// deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Extractor {
-    /// ESPRIT in bands, and selection by what the modes explain beside each other: for modes that are close or decay fast.
+    /// ESPRIT in bands, and selection by the energy that modes explain beside each other: for modes that are close or decay fast.
     Subband,
     /// Peaks of spectrograms, one after the other, until they explain a share `target` of the energy above the noise: for modes that stand
     /// alone, as in the paper.
     Greedy {
         /// Share of the energy.
         target: f64,
-        /// What is fitted. The modes that are fitted to powers are not refined, and their deviations are those of a complex fit, which has
+        /// Domain of the fit. The modes that are fitted to powers are not refined, and their deviations are those of a complex fit, which has
         /// smaller errors.
         domain: FitDomain,
     },
-    /// `Subband`, then `Greedy` in what its modes leave unexplained, and the selection among all where it explains more.
+    /// `Subband`, then `Greedy` in the residual of its modes, and the selection among all where it explains more.
     Hybrid {
         /// Share of the energy above the noise.
         target: f64,
@@ -48,8 +48,8 @@ pub struct ExtractParams {
     pub lowest: f64,
     /// Highest frequency, in Hz; at most 0.45 of the rate.
     pub highest: f64,
-    /// True to return also what belongs to the contact: parts that decay faster than 500 1/s or whose decay is uncertain. They explain the
-    /// onset of the recording, but a force that lasts must not ring them. Without them, the residual holds them.
+    /// True to return the parts of the contact too: those that decay faster than 500 1/s or whose decay is uncertain. They explain the onset of
+    /// the recording, but a force that lasts must not excite them. Without them, the residual contains them.
     pub contact: bool,
 }
 
@@ -92,7 +92,7 @@ pub enum ExtractError {
 }
 
 impl ExtractError {
-    /// What to do about it.
+    /// Advice on how to correct the error.
     #[must_use]
     pub fn help(&self) -> &'static str {
         match self {
@@ -129,13 +129,13 @@ const MAX_AMPLITUDE: f64 = 4.0;
 const PENALTIES: [f64; 4] = [1e-9, 1e-3, 1e-2, 1e-1];
 /// The same for the final amplitudes.
 const AMPLITUDE_PENALTIES: [f64; 2] = [1e-9, 1e-2];
-/// Relative standard deviation of the decay rate from which on a mode is uncertain.
+/// Relative standard deviation of the decay rate at which a mode is uncertain.
 const UNCERTAINTY: f64 = 0.3;
 /// Distances from a mode at which the noise around it is measured, in half-power half-widths.
 const NEIGHBOURS: [f64; 6] = [-12.0, -9.0, -6.0, 6.0, 9.0, 12.0];
 /// Time after the recording in which modes should be silent, in its lengths.
 const AFTER: usize = 2;
-/// Time after the onset from which on the late residual is measured, s.
+/// Start of the late residual after the onset, s.
 const LATE: f64 = 0.005;
 
 /// The modes of a recording.
@@ -184,7 +184,7 @@ impl Extracted {
 /// and the least ones removed until `modes` are left, or until each explains more than noise would: by the Bayesian information
 /// criterion with four parameters a mode and the noise before the impact or at the end. Then all are refined jointly.
 ///
-/// No amplitude is above four times the peak of the recording: a small penalty of squared amplitudes keeps close modes from cancelling
+/// No amplitude is above four times the peak of the recording: a small penalty of squared amplitudes prevents close modes from cancelling
 /// each other. The standard deviations hold for noise of the density that the residual has around each mode while it rings.
 ///
 /// # Errors
@@ -194,7 +194,7 @@ impl Extracted {
 /// O(samples modes) per step of the refinement, of at most 2 s of sound.
 ///
 /// # Source
-/// Sirdey et al. (DAFx 2011) for ESPRIT in bands; Sterling et al. (IEEE TVCG 25(5), 2019), section 4.1, for what a feature is.
+/// Sirdey et al. (DAFx 2011) for ESPRIT in bands; Sterling et al. (IEEE TVCG 25(5), 2019), section 4.1, for the definition of a feature.
 pub fn extract(samples: &[f32], rate: f64, params: &ExtractParams) -> Result<Extracted, ExtractError> {
     if let Some(index) = samples.iter().position(|x| !x.is_finite()) {
         return Err(ExtractError::NotFinite { index });

@@ -53,7 +53,7 @@ pub struct FeatureSet {
     pub recording: String,
     /// Name of the object that was struck; recordings of one object share modes.
     pub object: String,
-    /// Name of what held the object; empty if unknown.
+    /// Support of the object; empty if unknown.
     #[serde(default)]
     pub support: String,
     /// The modes, in the order of extraction.

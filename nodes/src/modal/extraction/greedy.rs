@@ -17,7 +17,7 @@ const SEARCHED: f64 = 0.2;
 const MAX_REJECTS: usize = 60;
 /// Number of modes after which the amplitudes of all are fitted again.
 const REFIT: usize = 10;
-/// Largest relative residual of a fit: what it leaves may be other modes.
+/// Largest relative residual of a fit: the residual may be other modes.
 const MAX_RESIDUAL: f64 = 0.5;
 /// Smallest decay over the fitted frames, nepers: 3 dB.
 const LEAST_DECAY: f64 = 0.345;
@@ -26,16 +26,16 @@ const MAX_IN_WINDOW: f64 = 8.0;
 /// Ratio of decay rates below which two modes of nearly one frequency are the same.
 const SIMILAR: f64 = 2.0;
 
-/// What the search takes from its caller.
+/// Parameters of the search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Request<'a> {
     /// Maximum number of modes.
     pub(super) modes: usize,
     /// Share of the energy above the noise at which the search ends.
     pub(super) target: f64,
-    /// What is fitted.
+    /// Domain of the fit.
     pub(super) domain: FitDomain,
-    /// Exponents that are known: modes are searched in what these leave.
+    /// Known exponents: modes are searched in the residual of these.
     pub(super) known: &'a [C],
 }
 

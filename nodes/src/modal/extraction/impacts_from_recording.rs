@@ -26,7 +26,7 @@ choices! {
 }
 
 params! {
-    /// Impacts at the onsets of a recording: those that made its sound, so that modes play what was recorded.
+    /// Impacts at the onsets of a recording: the impacts that made its sound, so that modes can reproduce the recording.
     ///
     /// At an onset most octave bands rise at once by 9 dB above the 50 ms before it. The loudest impact has the impulse `impulse`, the
     /// others less, in proportion to their peaks. With `ImpactForce(shape: Impulse)` and a `ModalBank` of `output: Displacement` and

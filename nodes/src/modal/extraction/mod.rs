@@ -1,12 +1,11 @@
 //! Modes from recordings.
 //!
-//! Candidates come from ESPRIT in bands (`subband`), from peaks of spectrograms (`greedy`), or from both, are selected by what they explain
-//! (`dictionary`), and refined jointly (`refinement`).
+//! Candidates come from ESPRIT in bands (`subband`), from peaks of spectrograms (`greedy`), or from both. They are selected by the energy that
+//! they explain (`dictionary`), and refined jointly (`refinement`).
 
 mod bands;
 pub mod comparison;
 mod dictionary;
-mod doubts;
 mod exponentials;
 pub mod extract;
 pub mod feature;
@@ -32,3 +31,4 @@ mod subband;
 pub mod surrogate;
 pub mod takes;
 mod trial;
+mod warnings;

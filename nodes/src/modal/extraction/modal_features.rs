@@ -1,6 +1,5 @@
 //! Modes of many recordings with their uncertainties, as a node.
 
-use super::doubts::{UNCERTAINTY, doubts};
 use super::extract::{ExtractParams, Extractor, extract};
 use super::feature::{FeatureSet, FeatureSets};
 use super::one_object::{ONE_OBJECT, TakeSound, compare_takes, median_of_take};
@@ -13,6 +12,7 @@ use super::sources::Sources;
 use super::surrogate::surrogate;
 use super::takes::Take;
 use super::trial::trial_impact;
+use super::warnings::{UNCERTAINTY, warnings};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -28,7 +28,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 choices! {
-    /// What becomes of a recording with several impacts.
+    /// Treatment of a recording with several impacts.
     pub enum Split {
         /// An error that names the onsets.
         None,
@@ -45,12 +45,12 @@ choices! {
         Subband,
         /// Peaks of spectrograms, one after the other, as in the paper: for modes that stand alone.
         Greedy,
-        /// `Subband`, then `Greedy` in what its modes leave unexplained: takes as long as both.
+        /// `Subband`, then `Greedy` in the residual of its modes: takes as long as both.
         Hybrid,
     }
 }
 choices! {
-    /// What becomes of a recording without modes: one that is silent, too short, or of several impacts.
+    /// Treatment of a recording without modes: one that is silent, too short, or of several impacts.
     pub enum Unusable {
         /// An error that names all of them.
         Error,
@@ -63,15 +63,15 @@ params! {
     /// Modes of recordings of impacts, with uncertainties, for a `FeatureGate` and a `DampingFit`.
     ///
     /// Recordings come from a list, from a folder, and from a manifest of takes, a CSV with the columns `file` (relative to the CSV), and
-    /// optionally `object`, `material`, `support`, `hit`, `striker` and `licence`. Each is explained by damped sines, as in
-    /// `ModalFromRecording`. Their frequencies and decay rates have standard deviations, which follow from what is left unexplained
-    /// around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it lists what was found, with the drift of the
-    /// phase of each mode, and `table` has a row for each recording, for a `TableOut`.
+    /// optionally `object`, `material`, `support`, `hit`, `striker` and `licence`. Each recording is explained by damped sines, as in
+    /// `ModalFromRecording`. Their frequencies and decay rates have standard deviations, which follow from the unexplained energy
+    /// around each mode. A tap of `report` as SVG draws the modes into spectrograms; as JSON it lists the results, with the drift of the
+    /// phase of each mode. `table` has a row for each recording, for a `TableOut`.
     ///
     /// A recording rings if it is explained better by 5 dB than noise with the same spectrogram, its surrogate: dull thuds are explained
-    /// as well as their surrogates, and their modes say little of the material. Surrogates depend on the index of the recording only.
-    /// Takes of one object have the same poles: modes of one take explain another up to a tenth of its energy, with other
-    /// amplitudes. The summary names takes that do not fit to the others.
+    /// as well as their surrogates, and their modes contain little information about the material. Surrogates depend on the index of the
+    /// recording only. Takes of one object have the same poles: modes of one take explain another up to a tenth of its energy, with other
+    /// amplitudes. The summary names takes that do not fit the others.
     ///
     /// A room adds poles of its own around each mode, and hides modes that decay faster than its sound. With its reverberation time,
     /// typed or measured, modes that decay at 0.6 of its rate `6.908 / T60` or faster are left out.
@@ -90,13 +90,13 @@ params! {
         object: Text = "".into();
         /// Material of the takes of the manifest that count; empty for all.
         material: Text = "".into();
-        /// What becomes of a recording with several impacts.
+        /// Treatment of a recording with several impacts.
         split: Split = Split::None;
-        /// What becomes of a recording without modes.
+        /// Treatment of a recording without modes.
         unusable: Unusable = Unusable::Error;
         /// Method that finds the modes.
         extractor: Search = Search::Subband;
-        /// What `Greedy` fits to a peak. The modes of `Power` are not refined jointly, and their standard deviations are lower bounds.
+        /// Domain in which `Greedy` fits a peak. The modes of `Power` are not refined jointly, and their standard deviations are lower bounds.
         fit_domain: FitDomain = FitDomain::Complex;
         /// Share of the energy above the noise at which `Greedy` and `Hybrid` end.
         target: f64 = 0.999, unit "", range 0.01..=1.0;
@@ -108,7 +108,7 @@ params! {
         highest: f64 = 20_000.0, unit "Hz", range 2.0..=200_000.0;
         /// Frequency (Hz) and reverberation time (s) of bands of the room.
         room: Vec<[f64; 2]> = Vec::new(), unit "Hz, s", range 0.001..=100_000.0;
-        /// Recording of a clap in the room, of which the reverberation time is measured.
+        /// Recording of a clap in the room, from which the reverberation time is measured.
         room_recording: Option<AssetPath> = None;
         /// True to compare each recording with its surrogate, which takes as long as the recording.
         surrogate: bool = true;
@@ -122,12 +122,12 @@ ports! {
         out {
             /// The modes of the object of each recording: those that decay by less than 500 1/s at a certain rate.
             features: Value<FeatureSets>,
-            /// What was found, with spectrograms.
+            /// Results of the extraction, with spectrograms.
             report: Value<ExtractionReport>,
             /// A row for each recording: onset, modes and those with a certain decay, energy that no mode explains (of the recording, of its
-            /// surrogate, and from 5 ms after the onset on), whether it rings, what the modes of other takes leave unexplained, warnings.
+            /// surrogate, and from 5 ms after the onset on), if it rings, energy that the modes of other takes leave unexplained, warnings.
             table: Value<ResultTable>,
-            /// A row for each pair of takes of one object: what the modes of each leave unexplained of the other.
+            /// A row for each pair of takes of one object: the energy of each that the modes of the other leave unexplained.
             pairs: Value<ResultTable>,
         }
     }
@@ -186,7 +186,7 @@ impl ModalFeaturesParams {
     }
 }
 
-/// What was found so far.
+/// Results so far.
 #[derive(Default)]
 struct Found {
     sets: Vec<FeatureSet>,
@@ -254,7 +254,7 @@ impl Found {
                 surrogate_db,
                 ringing: surrogate_db.map(|db| found.residual_db <= db - RINGING),
                 by_other_takes_db: None,
-                warnings: doubts(sound, rate, &found, room),
+                warnings: warnings(sound, rate, &found, room),
                 phase_drifts: certain.iter().map(|f| phase_drift(f, &found.residual, rate)).collect(),
                 features: certain.clone(),
                 picture: Image::grey(PICTURE, &pixels).unwrap_or_default(),
@@ -311,7 +311,7 @@ impl Func for ModalFeatures {
             ROOM.check_one(s, ROOM.name, path);
             if !p.room.is_empty() {
                 let reject = Reject::new("F077", "both `room` and `room_recording` are given").at("room");
-                s.wrong(reject.help("leave out one of both"));
+                s.wrong(reject.help("leave out one of the two"));
             }
         }
         if p.fit_domain == FitDomain::Power && p.extractor != Search::Greedy {

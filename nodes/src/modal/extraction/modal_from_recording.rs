@@ -17,7 +17,7 @@ use crate::{params, ports};
 params! {
     /// Modes of an object from a recording of one impact on it.
     ///
-    /// Damped sines are found in bands of the sound after the impact; those that explain the most beside each other are selected and
+    /// Damped sines are found in bands of the sound after the impact. The ones that explain most of the energy together are selected and
     /// refined jointly. No amplitude exceeds four times the peak of the recording. Several channels are averaged. Of several impacts the
     /// loudest counts, up to the next one. The summary lists the number of modes, the time of the impact, and the energy of the
     /// residual: over the whole sound, and from 5 ms after the impact on.
@@ -35,8 +35,8 @@ params! {
         lowest: f64 = 20.0, unit "Hz", range 1.0..=100_000.0;
         /// Highest frequency of a mode; at most 0.45 of the recording's rate.
         highest: f64 = 20_000.0, unit "Hz", range 2.0..=200_000.0;
-        /// True to include what belongs to the contact: parts that decay faster than 500 1/s or whose decay is uncertain. They complete
-        /// the onset of an impact; without them `ModalResidual` does, and sliding and rolling sound like the object alone.
+        /// True to include the parts of the contact: those that decay faster than 500 1/s or whose decay is uncertain. They complete
+        /// the onset of an impact; without them `ModalResidual` does, and sliding and rolling have the sound of the object alone.
         contact: bool = false;
         /// Impulse of the recorded impact, if known: an impact of this impulse sounds as loud as the recording.
         impulse: f64 = 0.05, unit "N s", range 0.000000001..=1_000_000.0;

@@ -1,4 +1,4 @@
-//! Bands of noise for what the modes leave of a recording.
+//! Bands of noise for the residual of a recording without its modes.
 
 use super::bands::{Spectrum, decay_curve, third_octaves};
 use super::exponentials::energy;

@@ -1,4 +1,4 @@
-//! A test of takes: recordings of one object have the same poles, whatever was struck where.
+//! A test of takes: recordings of one object have the same poles, whatever the hit point and the striker.
 
 use super::feature::FeatureSet;
 use super::onset::onset;
@@ -42,7 +42,7 @@ pub fn unexplained_by(set: &FeatureSet, samples: &[f32], rate: f64) -> f64 {
     unexplained_db(sound, rate, &poles)
 }
 
-/// What two takes of one object explain of each other.
+/// Energies of two takes of one object that the modes of the other take leave unexplained.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TakePair {

@@ -14,7 +14,7 @@ const APART: f64 = 0.05;
 const BANDS: [f64; 8] = [200.0, 400.0, 800.0, 1600.0, 3200.0, 6400.0, 12_800.0, 20_000.0];
 /// Rise of a band at an onset, relative to the maximum of the frames before it, dB.
 const RISE: f64 = 9.0;
-/// Level of a band, relative to its maximum, from which on its rises count, dB.
+/// Minimum level of a band at which its rises count, relative to its maximum, dB.
 const RANGE: f64 = 35.0;
 /// Part of the bands that rise at an onset.
 const SHARE: f64 = 0.6;
@@ -26,7 +26,7 @@ const LOUD_START: f64 = -20.0;
 const MARGIN: f64 = 0.002;
 /// Milliseconds over which an impact may be soft before it becomes loud again.
 const DIP: usize = 3;
-/// Ratio of energies from which on a rise is no part of the impact before it.
+/// Minimum ratio of energies at which a rise is not part of the impact before it.
 const LOUDER: f64 = 10.0;
 
 /// Index of the first sample of the loudest impact.

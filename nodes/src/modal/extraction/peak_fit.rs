@@ -12,11 +12,11 @@ pub(super) const OVER_NOISE: f64 = 10.0;
 const STEPS: usize = 20;
 
 choices! {
-    /// What is fitted around a peak of a spectrogram.
+    /// Domain in which a peak of a spectrogram is fitted.
     pub enum FitDomain {
-        /// The complex spectra, by which modes that interfere are told apart.
+        /// The complex spectra, which separate modes that interfere.
         Complex,
-        /// Their squared magnitudes, without the noise, as in the paper: for comparison. What interferes is taken for decay.
+        /// Their squared magnitudes, without the noise, as in the paper: for comparison. Interference counts as decay.
         Power,
     }
 }
@@ -39,7 +39,7 @@ fn loud_frames(level: &Level, bin: usize) -> usize {
     (0..level.frames).take_while(loud).count()
 }
 
-/// The exponent of which the frames of one bin are powers.
+/// The exponent whose powers are the frames of one bin.
 pub(super) fn start(level: &Level, bin: usize) -> Option<C> {
     let frames = loud_frames(level, bin);
     let pairs = |t: usize| (level.at(t, bin), level.at(t + 1, bin));

@@ -14,10 +14,10 @@ const PERIODS: f64 = 4.0;
 /// Largest departure of the phase of a mode from that of a constant frequency while it decays by 20 dB, in rad; `None` if this takes fewer
 /// than 16 periods.
 ///
-/// `residual` is the sound without any mode, from the onset on, so that the mode with the residual is what was recorded of it. Its phase
-/// beside that of the fitted sine is measured in eight parts of the decay, or in fewer of four periods each, and a line is
-/// subtracted, with weights of the amplitudes of the parts. A mode of a complex shape, a frequency that depends on the amplitude, and two modes
-/// that are taken for one drift; noise of the amplitude `r` relative to the mode within the band of a part adds about `r`.
+/// `residual` is the sound without any mode, from the onset on, so that its sum with the mode is the recorded mode. The phase of the sum
+/// relative to the fitted sine is measured in eight parts of the decay, or in fewer of four periods each, and a line is subtracted, with
+/// weights of the amplitudes of the parts. Causes of a drift are a complex mode shape, a frequency that depends on the amplitude, and two
+/// modes that are fitted as one. Noise of the amplitude `r` relative to the mode within the band of a part adds about `r`.
 ///
 /// # Complexity
 /// O(samples of the decay).
@@ -67,7 +67,7 @@ mod tests {
         quality: 0.0,
     };
 
-    /// What a sine of another phase leaves of the mode.
+    /// Residual that the mode leaves of a sine whose phase differs from its own by `phase(t)`.
     fn residual(phase: impl Fn(f64) -> f64) -> Vec<f64> {
         let sample = |n: usize| {
             let t = n as f64 / RATE;

@@ -1,4 +1,4 @@
-//! Damped sines of given frequencies and decay rates: what they explain of another recording, and their sound.
+//! Damped sines of given frequencies and decay rates: the energy of another recording that they explain, and their sound.
 
 use super::dictionary::Problem;
 use super::exponentials::{C, add, energy, products};
@@ -12,7 +12,7 @@ fn exponent(freq_hz: f64, decay: f64, rate: f64) -> C {
     C::new(-decay, TAU * freq_hz) / rate
 }
 
-/// Energy that damped sines with free amplitudes and phases leave of a sound, in dB relative to the sound.
+/// Residual energy of a sound without damped sines with free amplitudes and phases, in dB relative to the sound.
 ///
 /// `sound` begins at the onset; `poles` are frequencies in Hz and decay rates in 1/s. Frequencies above half the rate are left out.
 /// 0 dB for a silent sound or without poles.

@@ -39,7 +39,7 @@ pub(super) fn without(sound: &[f64], sines: &Sines) -> Vec<f64> {
     residual
 }
 
-/// What a set of exponents explains of a recording.
+/// The part of a recording that a set of exponents explains.
 struct State {
     sines: Sines,
     /// Products of the recording with `exp(s n)` and `n exp(s n)`.
@@ -171,7 +171,7 @@ pub(super) fn unit_deviations(sines: &Sines, problem: &Problem) -> Option<Vec<[f
     let m = sines.exponents.len();
     let matrix = normal_matrix(sines, problem);
     let n = 4 * m;
-    // Modes that can hardly be told apart make the matrix singular; their deviations are large, whatever is added to its diagonal.
+    // Nearly equal modes make the matrix singular; their deviations are large, whatever is added to its diagonal.
     let (inverse, scale) = [0.0, 1e-12, 1e-10, 1e-8].into_iter().find_map(|damping| {
         let (scaled, scale) = scaled(&matrix, damping);
         let decomposition = scaled.llt(faer::Side::Lower).ok()?;

@@ -1,4 +1,4 @@
-//! What was found in recordings.
+//! Reports of the extraction of modes from recordings.
 
 use super::feature::Feature;
 use super::one_object::TakePair;
@@ -17,15 +17,15 @@ const RANGE: f64 = 70.0;
 const FREQUENCIES: [f64; 2] = [40.0, 20_000.0];
 /// Maximum duration of the picture, s.
 const LONGEST: f64 = 2.0;
-/// By how much a recording must be explained better than its surrogate to ring, dB.
+/// Minimum difference at which a recording that is explained better than its surrogate rings, dB.
 pub const RINGING: f64 = 5.0;
 
-/// What was found in one impact of a recording.
+/// Results for one impact of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RecordingReport {
     /// Name of the recording.
     pub recording: String,
-    /// What was struck, where and with what; `file` is the path as it was given.
+    /// The object, the hit point and the striker; `file` is the path as it was given.
     #[serde(default)]
     pub take: Take,
     /// Time of the onset, s.
@@ -45,12 +45,12 @@ pub struct RecordingReport {
     /// Energy that the modes of other takes of the object leave unexplained, from 5 ms after the onset on: the median over them, dB.
     #[serde(default)]
     pub by_other_takes_db: Option<f64>,
-    /// What makes the modes doubtful.
+    /// Reasons to doubt the modes.
     pub warnings: Vec<String>,
     /// The modes.
     pub features: Vec<Feature>,
     /// Largest departure of the phase of each mode from that of a constant frequency while it decays by 20 dB, rad; `None` if this takes
-    /// fewer than 16 periods. A mode that drifts has a complex shape, depends on its amplitude, or is two.
+    /// fewer than 16 periods. The cause of a drift is a complex mode shape, a dependence on the amplitude, or a fit of two modes as one.
     #[serde(default)]
     pub phase_drifts: Vec<Option<f64>>,
     /// The spectrogram.
@@ -59,12 +59,12 @@ pub struct RecordingReport {
     pub seconds: f64,
 }
 
-/// What was found in recordings.
+/// Results for recordings.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ExtractionReport {
     /// One for each impact.
     pub recordings: Vec<RecordingReport>,
-    /// What takes of one object explain of each other; by the indices of `recordings`.
+    /// Pairs of takes of one object, by the indices of `recordings`.
     #[serde(default)]
     pub pairs: Vec<TakePair>,
     /// Recordings that were left out, with the reason.

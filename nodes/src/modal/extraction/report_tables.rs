@@ -1,4 +1,4 @@
-//! What was found in recordings, as tables.
+//! Tables of the results for recordings.
 
 use super::report::{ExtractionReport, RecordingReport};
 use crate::table::{Cell, ResultTable};
@@ -44,7 +44,7 @@ impl ExtractionReport {
         table
     }
 
-    /// A row for each pair of takes of one object: what each leaves unexplained of the other.
+    /// A row for each pair of takes of one object: the energy of each that the modes of the other leave unexplained.
     #[must_use]
     pub fn pairs_table(&self) -> ResultTable {
         let mut table =

@@ -1,8 +1,8 @@
 //! The sound of the room in a recording of an impact.
 //!
 //! A recording is the sound of the object convolved with the response of the room. So it has the poles of both: modes that ring longer than
-//! the room keep their decay, and those that decay faster are followed by the room, whose poles lie around them. The decay of the room
-//! cannot be subtracted from that of a mode; what can be done is to leave out the poles that the room has.
+//! the room have their own decay, and those that decay faster are followed by the room, whose poles lie around them. The decay of the room
+//! cannot be subtracted from that of a mode, but the poles of the room can be left out.
 
 use super::bands::Spectrum;
 use super::comparison::decay_time;
@@ -18,7 +18,7 @@ pub const OBJECT: f64 = 0.6;
 const OCTAVES: [f64; 7] = [125.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0];
 /// Half-width of the flat part of an octave filter, octaves.
 const FLAT: f64 = 0.5;
-/// Share of modes beside louder and slower ones from which on a room is suspected, and their least number.
+/// Minimum share of modes beside louder and slower ones at which a room is suspected, and their minimum number.
 const SATELLITES: (f64, usize) = (0.2, 3);
 /// Ratio of the decay times of octaves below which they are those of a room, and their least number.
 const UNIFORM: (f64, usize) = (1.3, 6);

@@ -1,4 +1,4 @@
-//! Spectrograms of several resolutions of a sound that begins with an impact, and what a damped sine looks like in them.
+//! Spectrograms of several resolutions of a sound that begins with an impact, and the spectra of damped sines in them.
 
 use super::exponentials::{C, exp};
 use super::noise_floor::NoiseFloor;
@@ -15,7 +15,7 @@ const LONGEST: f64 = 1.0;
 const TOUCHED: usize = 24;
 /// Bins on each side of a mode in which it is fitted.
 pub(super) const NEAR: usize = 3;
-/// Level of noise that is assumed at least, relative to the loudest bin.
+/// Minimum level of noise that is assumed, relative to the loudest bin.
 const LEAST_NOISE: f64 = 1e-10;
 
 /// A spectrogram with one length of frames.

@@ -15,7 +15,7 @@ struct Analysis {
     highest: f64,
 }
 
-/// Wide bands up to the highest frequency, and narrow ones in the bass, which tell close modes apart.
+/// Wide bands up to the highest frequency, and narrow ones in the bass, which separate close modes.
 const ANALYSES: [Analysis; 2] =
     [Analysis { decimation: 32, highest: 20_000.0 }, Analysis { decimation: 128, highest: 3000.0 }];
 /// Orders of the model in each band; the modes of both are candidates.

@@ -11,7 +11,8 @@ const HOP: usize = 128;
 
 /// Noise whose spectrogram has the magnitudes of a recording in frames of 512 samples, and random phases.
 ///
-/// What modes explain of it is what they explain of any sound with these envelopes: an object rings if its recording is explained better.
+/// The share that modes explain of it is a baseline for any sound with these envelopes: an object rings if a larger share of its recording
+/// is explained.
 ///
 /// # Complexity
 /// O(samples log 512).

@@ -1,4 +1,4 @@
-//! Lists of takes: recordings of impacts with what was struck, held and used, from a table.
+//! Lists of takes from a table: recordings of impacts with object, support and striker.
 
 use crate::io::manifest::{ManifestEntry, read_manifest};
 use serde::{Deserialize, Serialize};
@@ -13,11 +13,11 @@ pub struct Take {
     pub object: String,
     /// Material of the object.
     pub material: String,
-    /// What held the object, such as `two fingers, edge`.
+    /// Support of the object, such as `two fingers, edge`.
     pub support: String,
-    /// Where it was hit.
+    /// Hit point.
     pub hit: String,
-    /// What it was hit with.
+    /// Striker.
     pub striker: String,
     /// Licence of the recording.
     pub licence: String,
@@ -27,7 +27,7 @@ pub struct Take {
 /// `licence`, in any order.
 ///
 /// # Errors
-/// A message with the line, the column, what was found, and what would be right.
+/// A message with the line, the column, the value found, and what is needed.
 ///
 /// # Example
 /// ```
@@ -83,12 +83,12 @@ mod tests {
             ("file,object\na.wav\n", "line 2: 1 entries, the header has 2"),
             ("file,object\na.wav,x\n,y\n", "line 3, column `file`: \"\"; the path of a recording"),
             ("file\n/a.wav\n", "line 2, column `file`: \"/a.wav\"; a path relative to the list"),
-            ("file\na.wav\nb.wav\na.wav\n", "line 4, column `file`: \"a.wav\" stands in line 2 already"),
+            ("file\na.wav\nb.wav\na.wav\n", "line 4, column `file`: \"a.wav\" is already listed in line 2"),
             (&long, "line 2, column `hit`: \"xxx"),
         ] {
             let e = read_takes(text.as_bytes()).unwrap_err();
             assert!(e.contains(part), "{text:?}: {e}");
         }
-        assert!(read_takes(b"file\na.wav\n\xff\n").unwrap_err().contains("line 3: bytes that are no UTF-8"));
+        assert!(read_takes(b"file\na.wav\n\xff\n").unwrap_err().contains("line 3: bytes that are not UTF-8"));
     }
 }

@@ -110,15 +110,15 @@ pub struct ImpactForce {
     others: Unmatched<u32>,
 }
 
-/// Range of impulses in dB above which the summary warns: what is so far below the strongest is not heard beside it.
+/// Range of impulses in dB above which the summary warns: impulses that far below the strongest are inaudible beside it.
 const WIDE_RANGE: f64 = 80.0;
 
-/// What is audible of impulses whose strengths are far apart.
+/// Warning about impulses whose strengths are far apart.
 fn range_warning([low, high]: [f32; 2]) -> Option<String> {
     let range = 20.0 * (f64::from(high) / f64::from(low)).log10();
     (low > 0.0 && range > WIDE_RANGE).then(|| {
         format!(
-            "impulses are {low:.1e} to {high:.1e} N s, {range:.0} dB apart: the soft ones will not be heard; are all of them in N s?"
+            "impulses are {low:.1e} to {high:.1e} N s, {range:.0} dB apart: the soft ones are inaudible; are all of them in N s?"
         )
     })
 }

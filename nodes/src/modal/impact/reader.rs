@@ -225,7 +225,7 @@ fn json_lines(bytes: &[u8], reader: &mut Reader<'_>) -> Result<(), ImpactError> 
         }
         let wrong = |message: String| ImpactError { line, message };
         let object: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(text)
-            .map_err(|e| wrong(format!("this is no JSON object on one line: {e}")))?;
+            .map_err(|e| wrong(format!("this is not a JSON object on one line: {e}")))?;
         let mut fields = Fields::new();
         for (name, value) in &object {
             let name = column(name).map_err(wrong)?;
@@ -307,7 +307,7 @@ mod tests {
             ("time_s,energy,point\n0,1,-1\n", 2, "`point` is \"-1\"; a whole number"),
             ("time_s,energy,position\n0,1,1 2\n", 2, "three numbers"),
             ("time_s,impulse,mass\n0,1e9,1e-40\n", 2, "too large"),
-            ("{\"time_s\": 0, \"energy\": [}\n", 1, "no JSON object"),
+            ("{\"time_s\": 0, \"energy\": [}\n", 1, "not a JSON object"),
             ("{\"time_s\": 0, \"energy\": 1}\n{\"time_s\": 0, \"loud\": 1}\n", 2, "no column \"loud\""),
             ("{\"time_s\": null}", 1, "neither number nor text"),
             (" \n", 1, "empty"),

@@ -34,7 +34,7 @@ pub struct Modes {
     /// Phases in radians, `[modes]`; empty for sines, which start at 0.
     #[serde(default)]
     pub phases: Vec<f32>,
-    /// What no mode explains: noise in bands, at all contact points; empty if there is none.
+    /// Residual of the modes: noise in bands, at all contact points; empty if there is none.
     #[serde(default)]
     pub noise: Vec<NoiseBand>,
 }
@@ -66,7 +66,7 @@ pub enum ModesError {
         expected: String,
     },
     /// A value out of range.
-    #[error("`{field}` of mode {mode} is {found}; it has to be finite{above}")]
+    #[error("`{field}` of mode {mode} is {found}; it must be finite{above}")]
     Value {
         /// Name of the field.
         field: &'static str,
@@ -78,7 +78,7 @@ pub enum ModesError {
         above: &'static str,
     },
     /// A value of a band of noise out of range.
-    #[error("`{field}` of noise band {band} is {found}; it has to be finite{above}")]
+    #[error("`{field}` of noise band {band} is {found}; it must be finite{above}")]
     Noise {
         /// Name of the field.
         field: &'static str,

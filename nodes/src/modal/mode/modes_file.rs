@@ -11,7 +11,7 @@ use crate::core::node::Summary;
 /// `phase` (radians).
 ///
 /// # Errors
-/// A message with what was found, its line in a CSV, and what would be right.
+/// A message with the value found, its line in a CSV, and what is needed.
 ///
 /// # Example
 /// ```
@@ -23,7 +23,7 @@ pub fn read_modes(bytes: &[u8]) -> Result<Modes, String> {
     let bytes = crate::core::files::strip_bom(bytes);
     let json = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
     let modes = if json {
-        serde_json::from_slice(bytes).map_err(|e| format!("these are no modes: {e}"))?
+        serde_json::from_slice(bytes).map_err(|e| format!("these are not modes: {e}"))?
     } else {
         from_csv(bytes)?
     };

@@ -1,4 +1,4 @@
-//! What of an impact no mode explains: noise in bands that decay.
+//! Residual of an impact without its modes: noise in bands that decay.
 
 pub mod modal_residual;
 pub mod noise_band;

@@ -16,11 +16,11 @@ use crate::modal::mode::modes::Modes;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// The part of an impact that no mode explains, as bands of noise that decay: the click, scraping, what is too dense for modes.
+    /// The part of an impact that no mode explains, as bands of noise that decay: the click, scraping, modes that are too dense.
     ///
-    /// The bands are stored with the modes: at most 32, each with its own level and decay. The node stands beside a `ModalBank` with the
-    /// same forces and modes, and their outputs are added. An impact excites each band like a mode at its frequency, and sounds the same
-    /// each time but for its random detail. Forces of several channels are added up. Modes without bands of noise give silence.
+    /// The bands are stored with the modes: at most 32, each with its own level and decay. The node runs beside a `ModalBank` with the
+    /// same forces and modes, and their outputs are added. An impact excites each band like a mode at its frequency. Its sound is the same
+    /// each time but for random detail. Forces of several channels are added up. Modes without bands of noise give silence.
     ///
     /// # Randomness
     /// Phases and frequencies of the bands are a function of the seed and the sample index.

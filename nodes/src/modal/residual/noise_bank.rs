@@ -18,7 +18,7 @@ struct Band {
     state: [f64; 2],
     /// Rotation and decay by one sample.
     pole: [f64; 2],
-    /// Real and imaginary part of what a unit force adds: the gain at a random phase.
+    /// Real and imaginary part of the response to a unit force: the gain at a random phase.
     input: [f64; 2],
     radius: f64,
     /// Middle and half width, radians per sample.
@@ -35,7 +35,7 @@ impl_state!(Band { state, pole });
 /// within the band; a long soft force excites high bands as little as it excites high modes.
 ///
 /// # Source
-/// Pumphrey's low-noise noise (JASA 78(S1), 1985, S100) states why an envelope without fluctuation is desirable; the wandering frequency
+/// Pumphrey's low-noise noise (JASA 78(S1), 1985, S100) states why an envelope without fluctuation is desirable; the random frequency
 /// is a choice.
 #[derive(Clone, Debug)]
 pub struct NoiseBank {

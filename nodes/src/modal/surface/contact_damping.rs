@@ -15,7 +15,7 @@ use crate::{archive_state, params, ports};
 use serde::{Deserialize, Serialize};
 
 params! {
-    /// Contacts of an object that last, as supports that damp it: what it rests on, or is gripped by.
+    /// Contacts of an object that last, as supports that damp it: surfaces that it rests on, and grips.
     ///
     /// A contact that has lasted for `min_age` and hardly slides is a support, with a damping coefficient in proportion to its normal force.
     /// Link the output to `supports` of the `ModalBank`: each mode is damped by how much the object would move at the contact, so a
@@ -31,9 +31,9 @@ params! {
         kappa: f64 = 0.5, unit "s/m", range 0.0..=1.0e6_f64;
         /// Damping along the surface relative to that along the normal: the coefficient of friction.
         mu: f64 = 0.5, unit "", range 0.0..=10.0;
-        /// Age from which on a contact is a support: an impact must not damp its own sound.
+        /// Minimum age of a contact that is a support: an impact must not damp its own sound.
         min_age: f64 = 0.05, unit "s", range 0.0..=10.0;
-        /// Sliding speed above which a contact is no support.
+        /// Sliding speed above which a contact is not a support.
         max_slide: f64 = 0.05, unit "m/s", range 0.0..=1000.0;
         /// Time in which a change of the damping is reached.
         release: f64 = 0.005, unit "s", range 0.0..=1.0;
@@ -63,7 +63,7 @@ struct Contact {
     key: (u32, u64),
     /// Number of the support.
     id: u64,
-    /// Tick from which on it counts.
+    /// First tick at which it counts.
     from: Tick,
     /// True if it is a support.
     supports: bool,

@@ -8,7 +8,7 @@ use crate::impl_state;
 /// Maximum number of modes that are coupled.
 pub const MAX_COUPLED: usize = 64;
 
-/// The damping matrix `G` of the supports of an object, and what it does to the velocities of the modes in one sample.
+/// The damping matrix `G` of the supports of an object, and its effect on the velocities of the modes in one sample.
 ///
 /// Between two samples each mode moves freely; at each sample the velocities `v` become `exp(-G T) v`. Both steps dissipate, so the whole
 /// is stable at any damping. Its error is that of operator splitting, of the order of `G T (omega T)^2 / 24`.
@@ -35,7 +35,7 @@ pub struct Coupling {
 impl_state!(Coupling { current, target, change, active, stale });
 
 impl Coupling {
-    /// No supports of modes with these gains, at most [`MAX_COUPLED`].
+    /// Creates a coupling without supports of modes with these gains, at most [`MAX_COUPLED`].
     #[must_use]
     pub fn new(gains: &[f32]) -> Self {
         let n = gains.len();
@@ -81,7 +81,7 @@ impl Coupling {
         outer(along, coefficient * (1.0 - mu));
     }
 
-    /// Moves a share of the way to the target, for samples of `interval` seconds.
+    /// Moves by a share of the distance to the target, for samples of `interval` seconds.
     ///
     /// # Complexity
     /// O(modes^3) while it moves, O(modes^2) otherwise.

@@ -1,9 +1,9 @@
-//! Damping of the modes of an object by what it rests on or is gripped by.
+//! Damping of the modes of an object by supports and grips.
 
 use super::contact::Contact;
 use super::surface_view::SurfaceView;
 
-/// How a contact damps.
+/// Law by which a contact damps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactLaw {
     /// Damping coefficient along the normal, N s/m.

@@ -18,8 +18,8 @@ params! {
     /// Projects impacts onto the surface of an object, and gives each the next of several contact points.
     ///
     /// The position of an impact on the object moves to the nearest point of the surface; the impulse acts along the inward normal
-    /// there. Link the output to an `ImpactForce` of as many `points`, and to `positions` of the `ModalBank`, which moves the point
-    /// of each impact to where it is. An impact sounds as it should as long as fewer than `points` others follow it within its contact.
+    /// there. Link the output to an `ImpactForce` of as many `points`, and to `positions` of the `ModalBank`, which moves the contact
+    /// point of each impact to its position. An impact is correct if fewer than `points` others follow it within its contact.
     ///
     /// An impact farther from the surface than `max_off_surface` is left out, and the summary counts it with the largest distance:
     /// such a log has other units than the shape, or no poses.

@@ -79,7 +79,7 @@ impl ModeShapes {
         reach
     }
 
-    /// The error of shapes that are not those of some modes.
+    /// The error for shapes that belong to other modes.
     pub(in crate::modal) fn mismatch(&self, modes: &Modes) -> Option<Reject> {
         if self.len() != modes.len() {
             let message = format!("shapes of {} modes for {} modes", self.len(), modes.len());

@@ -1,4 +1,4 @@
-//! Supports of an object: what it rests on or is gripped by, and the damping that they add to its modes.
+//! Supports of an object, on which it rests or by which it is gripped, and the damping that they add to its modes.
 
 use super::contact::Contact;
 use super::coupling::Coupling;
@@ -59,7 +59,7 @@ const ROOM: usize = 64;
 
 /// The current supports of an object, and the decay rates that they add to its modes.
 ///
-/// A change is reached on a straight line over time. Nothing is allocated while it works.
+/// Changes are linear over time. Nothing is allocated while it works.
 #[derive(Clone, Debug)]
 pub struct Supports {
     shapes: Arc<ModeShapes>,
@@ -70,7 +70,7 @@ pub struct Supports {
     all: Vec<(Support, Contact)>,
     /// The whole damping matrix, if modes are coupled.
     coupling: Option<Coupling>,
-    /// Decay rates now and at the end of the change, 1/s, if they are not.
+    /// Decay rates now and at the end of the change, 1/s, if modes are not coupled.
     current: Vec<f32>,
     target: Vec<f64>,
     /// Time until the target is reached, s.
@@ -83,7 +83,7 @@ pub struct Supports {
 impl_state!(Supports { all, each coupling, current, target, remaining, far, left_out });
 
 impl Supports {
-    /// No supports; those farther from the surface than `max_off_surface` times the size of the object will not count.
+    /// Creates an empty set of supports; those farther from the surface than `max_off_surface` times the size of the object will not count.
     #[must_use]
     pub fn new(shapes: Arc<ModeShapes>, max_off_surface: f64) -> Self {
         let (index, modes) = (SurfaceIndex::new(shapes.surface()), shapes.len());
@@ -202,7 +202,7 @@ impl Supports {
         (self.far, self.left_out) = (old.far, old.left_out);
     }
 
-    /// What is wrong with the supports, for a summary.
+    /// Warning about the supports, for a summary.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         let (far, distance) = self.far;

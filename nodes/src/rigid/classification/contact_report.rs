@@ -66,7 +66,7 @@ struct Point {
     power: f32,
 }
 
-/// What the report is made of.
+/// Data of the report.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct ContactRecord {
     /// States that last, by contact.

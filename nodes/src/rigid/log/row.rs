@@ -326,7 +326,7 @@ pub(super) fn read_rows(bytes: &[u8], poses: bool, bodies: &mut Bodies) -> Resul
                 continue;
             }
             let object: Map<String, Value> = serde_json::from_slice(text)
-                .map_err(|e| LogFault::new(line, format!("this is no JSON object on one line: {e}")))?;
+                .map_err(|e| LogFault::new(line, format!("this is not a JSON object on one line: {e}")))?;
             let row = from_json(&object, bodies).map_err(|(key, m)| LogFault::at(line, &key, m))?;
             if row.velocity.is_none() && !poses {
                 let message = "nothing is there; three numbers in m/s, or poses of the bodies, are needed";

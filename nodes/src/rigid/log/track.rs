@@ -77,7 +77,7 @@ impl Track {
     /// Moves the contact to a new observation.
     ///
     /// An engine logs a few points of a touching face, different ones from frame to frame, so that their mean jumps although
-    /// nothing moves. The contact therefore moves with the moving body, and is pulled to the observed point only as far as their
+    /// nothing moves. The contact therefore moves with the moving body, and is pulled to the observed point only by the amount by which their
     /// distance exceeds the extent of the contact. A single point, as of a ball, has an extent of 0.
     pub fn advance(&mut self, new: &Observation, time: f64, jump: f64) {
         self.observe_chords(new, time);

@@ -213,7 +213,7 @@ impl CrossingForce {
 
     /// Finds the pairs of lines that cross within a segment, the earliest first.
     ///
-    /// Those that make no sound do not count: then it makes no difference how a cell is cut.
+    /// Pairs that make no sound do not count, so that the division into cells has no effect.
     fn find_crossings(&mut self, segment: &Segment, reach: f64) {
         let mut force = [0.0; CELL];
         segment.force(&mut force);

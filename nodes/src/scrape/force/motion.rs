@@ -146,7 +146,7 @@ mod tests {
     use crate::scrape::testing::piece;
 
     #[test]
-    fn below_a_tenth_of_a_millimetre_a_second_the_last_direction_is_kept() {
+    fn below_a_tenth_of_a_millimetre_a_second_the_last_direction_is_held() {
         let go = piece([0.0; 2], [0.3, 0.4], 0.1);
         for (back, turned) in [(0.9e-4, false), (1.1e-4, true)] {
             let creep = piece(go.position_at(1.0), [-back, 0.0], 0.1);

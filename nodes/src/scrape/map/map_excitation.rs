@@ -166,7 +166,7 @@ fn one_of(linked: [bool; 3]) -> Reject {
         format!("{} are linked at once", given.join(" and "))
     };
     Reject::new("F128", message).at("map").help(
-        "link one of them: map takes a SobelMap, features what DogFeatures gives, coded what MapCoder or MapFile gives",
+        "link one of them: `map` takes the output of SobelMap, `features` that of DogFeatures, `coded` that of MapCoder or MapFile",
     )
 }
 

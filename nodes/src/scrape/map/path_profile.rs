@@ -136,7 +136,7 @@ impl Node for PathProfileNode {
         self.profile.contacts.sort_by_key(|m| (m.link, m.contact));
         let contacts = self.profile.contacts.len();
         io.profile.set(std::mem::take(&mut self.profile));
-        Ok(vec![("ways", contacts.into())])
+        Ok(vec![("paths", contacts.into())])
     }
 
     archive_state!(profile);

@@ -29,7 +29,7 @@ impl NoiseVoice {
 /// The force of contacts that pass over a loop of noise at their speed; backwards where they turn back.
 ///
 /// # Complexity
-/// Those of a [`NoiseBands`] per sample and contact.
+/// As a [`NoiseBands`] per sample and contact.
 #[derive(Clone, Debug)]
 pub struct NoiseForce {
     simd: Level,

@@ -216,7 +216,7 @@ fn axes(p: &ContactPathParams) -> Result<[Vec3; 2], Reject> {
     Ok([u, v])
 }
 
-/// What the force of a contact depends on.
+/// Quantities of a contact that its force depends on.
 fn frame_force(contact: &ContactState) -> FrameForce {
     let frame = &contact.frame;
     let along: f32 = frame.velocity.iter().zip(frame.normal).map(|(v, n)| v * n).sum();

@@ -8,7 +8,7 @@ use crate::core::time::{Tick, seconds, ticks};
 use crate::impl_state;
 use serde::{Deserialize, Serialize};
 
-/// Number of frames that are kept of a contact; shorter ones are merged.
+/// Number of frames of a contact that are stored; shorter ones are merged.
 const CAPACITY: usize = 32;
 /// Acceleration of gravity, m/s^2.
 const GRAVITY: f64 = 9.81;
@@ -32,7 +32,7 @@ pub struct ForceRules {
     pub unsteady_limit: f64,
 }
 
-/// What is known of a contact in one frame, besides its path.
+/// State of a contact in one frame, besides its path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameForce {
     /// Length of the frame, s.
@@ -53,7 +53,7 @@ struct Recent {
 }
 
 impl Recent {
-    /// Adds a value that lasts `time`; as many are kept as cover `window`.
+    /// Adds a value that lasts `time`. Values that cover `window` are stored.
     fn push(&mut self, time: f64, value: f64, window: f64) {
         let shortest = window / (CAPACITY - 2) as f64;
         let newest = self.count.checked_sub(1).and_then(|k| self.values.get_mut(k % CAPACITY));
@@ -87,7 +87,7 @@ impl Recent {
         self.within(window).map(|[time, value]| time * value).sum::<f64>() / window
     }
 
-    /// Mean over what there is of a window.
+    /// Mean over the available part of a window.
     fn mean_since_begin(&self, window: f64) -> f64 {
         let sums =
             self.within(window).fold([0.0; 2], |[t, sum], [time, value]| [t + time, sum + time * value]);
@@ -122,20 +122,20 @@ struct ContactForce {
     last: Tick,
     raw: Recent,
     smooth: Recent,
-    /// Weight of what touches, by its mass or by its first impact, N.
+    /// Weight of the body that touches, by its mass or by its first impact, N.
     weight: f64,
 }
 
 /// Friction work over the friction coefficient, N m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrictionWork {
-    /// Of all frames.
+    /// Work in all frames.
     pub all: f64,
-    /// Of the frames that sound.
+    /// Work in the frames that sound.
     pub heard: f64,
-    /// Of the smoothed force in the frames that sound, and of what the limit leaves of it.
+    /// Work of the smoothed force in the frames that sound.
     pub smoothed: f64,
-    /// What the limit leaves.
+    /// Work of the part of it that the limit leaves.
     pub limited: f64,
 }
 
@@ -147,7 +147,7 @@ pub struct ForceFilter {
     room: usize,
     /// Work so far.
     pub work: FrictionWork,
-    /// How much forces change from frame to frame.
+    /// Changes of forces from frame to frame.
     pub jitter: Jitter,
 }
 impl_state!(ForceFilter { contacts, work, jitter });
@@ -160,9 +160,9 @@ pub struct Jitter {
     change: f64,
 }
 
-/// Frames below which nothing is said about jitter.
+/// Minimum number of frames for a warning about jitter.
 const FEW_FRAMES: u64 = 20;
-/// Mean change over the mean force above which a force is said to jump.
+/// Ratio of mean change to mean force above which a force jumps.
 const JUMPS: f64 = 0.5;
 
 impl Jitter {
@@ -172,13 +172,13 @@ impl Jitter {
         self.change += (now - before).abs();
     }
 
-    /// What will be heard of forces that jump in each frame.
+    /// Warning about forces that jump in each frame, which are audible.
     #[must_use]
     pub fn warning(&self, smooth: f64) -> Option<String> {
         let share = self.change / self.force;
         (self.frames >= FEW_FRAMES && share > JUMPS).then(|| {
             format!(
-                "the force of contacts changes by {:.0} % of its mean from frame to frame: means over `force_smooth`, {smooth:.4} s, are heard; a longer one smooths more",
+                "the force of contacts changes by {:.0} % of its mean from frame to frame: means over `force_smooth`, {smooth:.4} s, are audible; a longer one smooths more",
                 100.0 * share
             )
         })

@@ -5,7 +5,7 @@ use crate::scrape::map::surface_map::SurfaceMap;
 use crate::texture::{Grid, Surface, Wrap};
 use serde::{Deserialize, Serialize};
 
-/// Pixels from one touching point to the next from which on a jump counts: one lower pixel between two.
+/// Minimum distance of successive touching points that counts as a jump, pixels: one lower pixel between two.
 const JUMP: i64 = 2;
 
 /// A point of a relief under a ball, in pixels, and its height in m.

@@ -17,7 +17,7 @@ params! {
     pub struct JointParams {
         /// Strength of the impacts of a ball where the slope of its path jumps; 0 for none.
         impacts: f64 = 1.0, unit "", range 0.0..=1_000_000.0;
-        /// The same of two reliefs. PairMatcher knows no impacts: they would make the reliefs louder than what it compares with them.
+        /// The same of two reliefs. PairMatcher has no impacts: they would make the reliefs louder than what it compares with them.
         pair_impacts: f64 = 0.0, unit "", range 0.0..=1_000_000.0;
         /// Effective mass at the contact, if the paths have none.
         mass: f64 = 0.1, unit "kg", range 0.0..=1_000_000.0;
@@ -149,7 +149,7 @@ impl JointForce {
         self.pending.clear();
     }
 
-    /// Takes over the pulses under way of another one.
+    /// Takes over the pulses in progress of another one.
     pub fn take_state(&mut self, old: &Self) {
         self.ring.take_state(&old.ring);
         (self.count, self.left_out) = (old.count, old.left_out);

@@ -15,9 +15,9 @@ const GROUP: usize = 32;
 /// Maximum number of points of such a reading.
 const PROFILE: usize = 512;
 
-/// Points of the line from one touching point to the next from which on a jump counts: one lower point between two.
+/// Minimum distance of successive touching points that counts as a jump, points of the line: one lower point between two.
 const JUMP: usize = 2;
-/// Depth of the gap below a touching point from which on a jump counts, m.
+/// Minimum depth of the gap below a touching point that counts as a jump, m.
 const SHALLOWEST: f32 = 1e-9;
 
 /// The point at which the surfaces of one contact touch, on surfaces of one size.
@@ -300,7 +300,7 @@ fn higher(a: f32, b: f32) -> f32 {
 }
 
 impl Line {
-    /// How far the point at an offset is below the highest one if the line is below both between them.
+    /// Depth of the point at an offset below the highest one, if the line is below both between them.
     #[inline(always)]
     fn jump(&self, z: &[f32], offset: f64, highest: usize) -> Option<f32> {
         let half = self.offsets.last().copied().unwrap_or(0.0);

@@ -11,14 +11,14 @@ use std::collections::HashMap;
 /// Elements whose matrices are computed at once, before they are added in order.
 const CHUNK: usize = 512;
 
-/// The nodes of all elements: those of the mesh first, then one on each edge if the order is 2: in its middle, or on its curve.
+/// The nodes of all elements: those of the mesh first, then one on each edge if the order is 2, in its middle or on its curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Discretisation {
     /// Order of the elements.
     pub order: Order,
     /// Positions of the nodes, m.
     pub nodes: Vec<[f64; 3]>,
-    /// Nodes of each element, of which the first `order.nodes()` are used.
+    /// Nodes of each element; the first `order.nodes()` are used.
     pub elements: Vec<[u32; 10]>,
     /// True for each element of order 2 with a curved edge.
     pub curved: Vec<bool>,

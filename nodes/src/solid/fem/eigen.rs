@@ -24,7 +24,7 @@ const DENSE: usize = 240;
 /// Maximum number of steps, relative to the size of the basis.
 const MAX_GROWTH: usize = 12;
 
-/// What to compute.
+/// Modes to compute.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
     /// Modes below this frequency, Hz.
@@ -228,8 +228,8 @@ fn residuals(matrix: &BlockMatrix, lambda: &[f64], shapes: MatRef<'_, f64>) -> V
 /// Rotates the shapes of equal frequencies, as of bodies of revolution, which are determined up to a rotation only; returns true if there
 /// are any.
 ///
-/// At the component where they are largest together all but the first are 0, and so on among the others. What depends on single shapes, as
-/// radiance does, then follows from the mesh, not from the iteration.
+/// At the component where they are largest together, all but the first are 0, and so on among the others. Results that depend on single
+/// shapes, such as radiance, then follow from the mesh, not from the iteration.
 fn align_equal(lambda: &[f64], shapes: &mut Mat<f64>) -> bool {
     let (mut first, mut any) = (0, false);
     while first < lambda.len() {

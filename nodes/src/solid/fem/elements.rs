@@ -36,10 +36,10 @@ impl Isotropic {
             if good { Ok(()) } else { Err(IsotropicError { field, found, needed }) }
         };
         let positive = |x: f64| x > 0.0 && x.is_finite();
-        check("Young's modulus", self.young, positive(self.young), "it has to be above 0 Pa")?;
+        check("Young's modulus", self.young, positive(self.young), "it must be above 0 Pa")?;
         let poisson = self.poisson > -1.0 && self.poisson < 0.5;
-        check("Poisson's ratio", self.poisson, poisson, "it has to lie between -1 and 0.5")?;
-        check("the density", self.density, positive(self.density), "it has to be above 0 kg/m^3")
+        check("Poisson's ratio", self.poisson, poisson, "it must lie between -1 and 0.5")?;
+        check("the density", self.density, positive(self.density), "it must be above 0 kg/m^3")
     }
 
     /// Lame's constants lambda and mu, Pa.

@@ -41,7 +41,7 @@ pub(super) struct Basis<'a> {
     coupled: usize,
     /// `V^T M B V`.
     projected: Mat<f64>,
-    /// The next block in terms of what is left of the last images.
+    /// The next block as a combination of the remaining images.
     coupling: Mat<f64>,
     random: Random,
     draws: u64,
@@ -171,7 +171,7 @@ impl<'a> Basis<'a> {
         Mat::from_fn(self.matrix.size(), columns, |i, j| 2.0 * random.uniform(i as u32, draw, j as u32) - 1.0)
     }
 
-    /// Takes the motions of rigid bodies and a range of the vectors out of a block; returns the shares of the vectors.
+    /// Orthogonalises a block against the motions of rigid bodies and a range of the vectors; returns the shares of the vectors.
     fn remove(&self, w: &mut Mat<f64>, range: Range<usize>) -> Mat<f64> {
         let v = self.vectors.as_ref().subcols(range.start, range.len());
         let mass = self.matrix.mass_times(w.as_ref());
@@ -243,7 +243,7 @@ impl<'a> Basis<'a> {
         transposed_product(w, self.matrix.mass_times(w).as_ref())[(0, 0)].max(0.0).sqrt()
     }
 
-    /// Takes orthonormal vectors out of another one, twice; returns what is left of its length.
+    /// Orthogonalises a vector against orthonormal ones, twice; returns the remaining share of its length.
     fn without(
         &self,
         column: &mut Mat<f64>,

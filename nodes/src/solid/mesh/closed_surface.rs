@@ -65,7 +65,7 @@ impl ClosedSurface {
     /// Reads OBJ, STL or PLY, recognised by the content.
     ///
     /// # Errors
-    /// A file that is none of them or is damaged, and as [`new`](Self::new).
+    /// A file in none of these formats, or a damaged one, and the errors of [`new`](Self::new).
     pub fn read(bytes: &[u8], scale: f64) -> Result<Self, SurfaceError> {
         let (positions, triangles) = match stl(bytes)? {
             Some(found) => found,
@@ -79,7 +79,7 @@ impl ClosedSurface {
         Self::new(positions.into_iter().map(|p| p.map(|x| x * scale)).collect(), triangles)
     }
 
-    /// A surface of triangles; vertices at the same position become one, and a surface that is inside out is turned.
+    /// Creates a surface of triangles. Vertices at the same position become one, and a surface that is inside out is reversed.
     ///
     /// # Errors
     /// The number of open edges.
@@ -150,7 +150,7 @@ impl ClosedSurface {
         self.triangles.iter().map(part).sum()
     }
 
-    /// Thickness of the wall below which 5 % of the surface lie, m: rays go inwards from the middle of up to `rays` triangles.
+    /// Thickness of the wall, m, below which 5 % of the surface lie: rays go inwards from the middle of up to `rays` triangles.
     #[must_use]
     pub fn thickness(&self, rays: usize) -> f64 {
         let step = self.triangles.len().div_ceil(rays.max(1)).max(1);

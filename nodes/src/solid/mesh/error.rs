@@ -20,7 +20,7 @@ pub enum TetMeshError {
     Text {
         /// Line or byte.
         position: String,
-        /// What was found, and what would be right.
+        /// The value found, and what is needed.
         what: String,
     },
     /// No tetrahedra, or too many.
@@ -57,7 +57,7 @@ pub enum TetMeshError {
     },
     /// A curved element that is folded.
     #[error(
-        "the curved tetrahedron {tet} is folded: its Jacobian is {ratio:.3} times that of straight edges at a point, where it has to be above 0: \
+        "the curved tetrahedron {tet} is folded: its Jacobian is {ratio:.3} times that of straight edges at a point, but must be above 0: \
          move the nodes in the middle of its edges, or refine the mesh there"
     )]
     Folded {

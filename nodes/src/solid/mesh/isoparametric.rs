@@ -1,4 +1,4 @@
-//! Tetrahedra of order 2 with curved edges: the position is interpolated as the displacement is.
+//! Tetrahedra of order 2 with curved edges, whose positions are interpolated in the same way as displacements.
 
 use crate::contact::vector::{cross, dot};
 

@@ -12,7 +12,7 @@ use thiserror::Error;
 pub struct Revolution {
     /// Points of the middle of the wall as radius and height, m; a radius of 0 is allowed for the first point only.
     pub profile: Vec<[f64; 2]>,
-    /// Thickness of the wall at each point, or at all, m.
+    /// Thickness of the wall at each point, or at all points, m.
     pub thickness: Vec<f64>,
     /// Cells around the axis.
     pub around: usize,
@@ -41,9 +41,7 @@ pub enum RevolutionError {
         points: usize,
     },
     /// A radius that is not above 0.
-    #[error(
-        "point {point} of the profile has radius {found} m; it has to be above 0, or 0 at the first point"
-    )]
+    #[error("point {point} of the profile has radius {found} m; it must be above 0, or 0 at the first point")]
     Radius {
         /// Number of the point, from 0.
         point: usize,

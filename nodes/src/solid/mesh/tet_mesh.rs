@@ -28,7 +28,7 @@ pub struct TetMesh {
 }
 
 impl TetMesh {
-    /// A mesh: orients its elements, drops the nodes that none uses, and checks it.
+    /// Creates a mesh: orients its elements, removes the unused nodes, and checks it.
     ///
     /// # Errors
     /// The first invariant that does not hold; slivers with a dihedral angle below 0.1 degrees or a ratio of radii below 1e-3.
@@ -39,7 +39,7 @@ impl TetMesh {
         Self::with_curves(nodes, tets, Vec::new())
     }
 
-    /// A mesh of which some edges are curved: the ends of each, in any order, and the position of the node between them, m.
+    /// Creates a mesh with some curved edges: the ends of each, in any order, and the position of the node between them, m.
     ///
     /// # Errors
     /// As [`TetMesh::new`]; curves that are no edges or not finite; elements whose Jacobian is not positive at a point of quadrature.

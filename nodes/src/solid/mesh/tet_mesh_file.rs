@@ -19,7 +19,7 @@ params! {
     /// arrays as ASCII or inline base64. The content decides, not the name. Elements are tetrahedra of order 1 or 2; other solid elements
     /// are an error, and those of lower dimension are skipped. A node of an element of order 2 that is off the middle of its edge by 1e-6
     /// of the length makes the edge curved: `ModalAnalysis` follows the curve, while the surface joins the corners by flat triangles.
-    /// Elements are oriented, and nodes that none uses are dropped. Coordinates times `scale` are metres: 0.001 for a mesh in
+    /// Elements are oriented, and unused nodes are removed. Coordinates times `scale` are metres: 0.001 for a mesh in
     /// millimetres.
     pub struct TetMeshFileParams {
         /// The file.

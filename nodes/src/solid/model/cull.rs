@@ -13,7 +13,7 @@ pub struct Voice {
     pub gains: Vec<f64>,
     /// Largest gain at any point of the surface.
     pub reach: f64,
-    /// Modes of the model that it stands for, with the sound of each per modal impulse: several after merging.
+    /// Modes of the model that it represents, with the sound of each per modal impulse: several after merging.
     pub members: Vec<(usize, f64)>,
 }
 
@@ -35,7 +35,7 @@ impl Voice {
     }
 }
 
-/// What is left out.
+/// Rules by which modes are left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Culling {
     /// Lowest frequency, Hz.
@@ -57,7 +57,7 @@ pub struct Culling {
 pub struct DropCounts {
     /// Outside of the band.
     pub band: usize,
-    /// So strongly damped that they do not oscillate.
+    /// Damped so strongly that they do not oscillate.
     pub overdamped: usize,
     /// Too weak at every point of the surface.
     pub faint: usize,
@@ -107,7 +107,7 @@ pub fn cull(voices: Vec<Voice>, culling: &Culling) -> (Vec<Voice>, DropCounts) {
     (rest, counts)
 }
 
-/// Leaves out what is not audible, and returns how many.
+/// Leaves out inaudible modes, and returns their number.
 fn dropped(voices: &mut Vec<Voice>, audible: impl Fn(&Voice) -> bool) -> usize {
     let before = voices.len();
     voices.retain(audible);

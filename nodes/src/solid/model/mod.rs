@@ -1,4 +1,4 @@
-//! The modes of an object with their shapes on its surface, and what they sound like from contact points.
+//! The modes of an object with their shapes on its surface, and the sound of impacts at contact points.
 
 pub mod analytic;
 pub mod analytic_modes;

@@ -59,7 +59,7 @@ ports! {
         in {
             /// The shape.
             mesh: Value<TetMesh>,
-            /// The material, of which the elastic constants and the density are used.
+            /// The material; its elastic constants and its density are used.
             material: Option<Value<Material>>,
         }
         out {

@@ -180,8 +180,8 @@ impl ModalModel {
             return Err(format!("the modal model has version {found}; this reads version {MODEL_VERSION}"));
         }
         check(m > 0 && s > 0 && !self.triangles.is_empty(), "it has no modes, or no surface")?;
-        check(self.lambda.iter().all(|x| x.is_finite() && *x > 0.0), "`lambda` has to be above 0")?;
-        check(self.lambda.is_sorted(), "`lambda` has to ascend")?;
+        check(self.lambda.iter().all(|x| x.is_finite() && *x > 0.0), "`lambda` must be above 0")?;
+        check(self.lambda.is_sorted(), "`lambda` must ascend")?;
         check(
             s.checked_mul(3).and_then(|n| n.checked_mul(m)) == Some(self.shapes.len()),
             "length of `shapes`",
@@ -199,7 +199,7 @@ impl ModalModel {
             "mass, volume, area, highest and residuals are above 0",
         )?;
         check(self.vertices.iter().chain(&self.normals).all(|p| finite(p)), "a vertex is not finite")?;
-        check(finite(&self.centre) && finite(&self.inertia), "centre and inertia have to be finite")?;
+        check(finite(&self.centre) && finite(&self.inertia), "centre and inertia must be finite")?;
         check(self.shapes.iter().all(|x| x.is_finite()), "a shape is not finite")?;
         self.material.validate().map_err(|e| e.to_string())
     }
@@ -222,7 +222,7 @@ impl ModalModel {
     /// # Errors
     /// Other files, other versions, damaged fields.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        let rest = bytes.strip_prefix(MARK).ok_or("this is no modal model")?;
+        let rest = bytes.strip_prefix(MARK).ok_or("this is not a modal model")?;
         let Some((version, rest)) = rest.split_first_chunk::<4>() else {
             return Err("this modal model is too short".into());
         };

@@ -20,7 +20,7 @@ impl Artefact for ModalModel {
 }
 
 artefact_file! {
-    /// The modes of an object from a file, as a tap of a `ModalAnalysis` writes it.
+    /// The modes of an object from a file that a tap of a `ModalAnalysis` wrote.
     ///
     /// An analysis takes seconds to minutes; its result can be stored, and be read without the mesh.
     pub struct ModalModelFile / ModalModelFileParams / ModalModelFilePorts / ModalModelFileIo, version 1;

@@ -67,7 +67,7 @@ ports! {
         in {
             /// The modes with their shapes.
             model: Value<ModalModel>,
-            /// The material, of which the damping is used.
+            /// The material; its damping is used.
             material: Value<Material>,
         }
         out {
@@ -121,7 +121,7 @@ fn loudest_vertex(model: &ModalModel, pressures: &[f64]) -> u32 {
     energies.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(vertex, _)| vertex as u32)
 }
 
-/// The shapes of what is left of a model, for a sound pressure that is full scale.
+/// The shapes of the remaining modes of a model, for a sound pressure that is full scale.
 ///
 /// Modes that were merged have the sum of their shapes, weighted with their sounds.
 #[must_use]

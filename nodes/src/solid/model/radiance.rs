@@ -1,4 +1,4 @@
-//! Sound pressure of a mode, by models of how its surface radiates.
+//! Sound pressure of a mode, by models of radiation from its surface.
 
 use super::modal_model::ModalModel;
 use crate::choices;
@@ -13,9 +13,9 @@ pub const SOUND_SPEED: f64 = 343.0;
 const DIPOLE: f64 = 0.05;
 
 choices! {
-    /// How a mode radiates.
+    /// Radiation of a mode.
     pub enum Radiance {
-        /// One and the same for all modes: the amplitude of a mode is its velocity after an impulse, as in the paper.
+        /// The same for all modes: the amplitude of a mode is its velocity after an impulse, as in the paper.
         Unit,
         /// Pressure of the net volume that a mode displaces, as a point source: for objects that are small against the wavelength.
         VolumeVelocity,
@@ -27,7 +27,7 @@ choices! {
     }
 }
 
-/// Where the sound is heard.
+/// Position of a listener, and its distance from the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Listener {
     /// Distance from the object, m.
@@ -98,7 +98,7 @@ fn face_sum(model: &ModalModel, mode: usize, listener: [f64; 3]) -> f64 {
         for (p, q) in [(0, 1), (1, 2), (2, 0)] {
             let middle: [f64; 3] = std::array::from_fn(|axis| 0.5 * (corners[p][axis] + corners[q][axis]));
             let r = norm(sub(listener, middle)).max(NEAREST);
-            // The normal is twice the area, of which each middle has a third.
+            // The normal is twice the area, and a third of it belongs to each middle.
             let source = 0.5 * (shapes[p] + shapes[q]) / (6.0 * r);
             sum[0] += source * libm::cos(k * r);
             sum[1] += source * libm::sin(k * r);

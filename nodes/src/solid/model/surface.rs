@@ -33,11 +33,11 @@ pub struct Surface {
 /// Integrals of the outward normal component `n . phi` of a mode shape over the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Flow {
-    /// Of `n . phi`: the net volume that the mode displaces.
+    /// Integral of `n . phi`: the net volume that the mode displaces.
     pub net: f64,
-    /// Of `|n . phi|`.
+    /// Integral of `|n . phi|`.
     pub absolute: f64,
-    /// Of `(n . phi)^2`.
+    /// Integral of `(n . phi)^2`.
     pub square: f64,
 }
 

@@ -141,7 +141,7 @@ fn files_are_read_back_bit_by_bit_and_damage_is_found() {
     damaged[200] ^= 1;
     assert!(ModalModel::from_bytes(&damaged).unwrap_err().contains("another hash"));
     assert!(ModalModel::from_bytes(&bytes[..40]).unwrap_err().contains("too short"));
-    assert!(ModalModel::from_bytes(b"RIFF").unwrap_err().contains("no modal model"));
+    assert!(ModalModel::from_bytes(b"RIFF").unwrap_err().contains("not a modal model"));
     for seed in 0..8 {
         ModalModel::trial(&mut Rng::new(seed)).validate().unwrap();
     }

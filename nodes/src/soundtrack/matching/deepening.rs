@@ -6,7 +6,7 @@ use super::windows::Windows;
 use crate::core::random::Rng;
 use crate::material::statistics::normal::normal_quantile;
 
-/// Windows of the motion that the errors are learnt from.
+/// Windows of the motion from which the errors are estimated.
 const TRAINING: usize = 256;
 /// Piecewise means of the first level; each further one has twice as many.
 const COARSEST: usize = 4;
@@ -51,7 +51,7 @@ pub struct Deepening {
 }
 
 impl Deepening {
-    /// Learns the errors of each level from windows of the motion.
+    /// Estimates the errors of each level from windows of the motion.
     ///
     /// # Complexity
     /// Some hundred comparisons.

@@ -23,7 +23,7 @@ params! {
     /// Cardle, Brooks, Bar-Joseph and Robinson, "Sound-by-Numbers" (SCA 2003), section 5.3, after Pullen and Bregler, "Motion capture assisted
     /// animation" (SIGGRAPH 2002).
     pub struct FragmentPathParams {
-        /// Where motions are cut.
+        /// Points at which motions are cut.
         variant: SegmentVariant = SegmentVariant::FirstDerivative;
         /// The channel of the motions.
         channel: usize = 0, unit "", range 0..=1024;
@@ -35,7 +35,7 @@ params! {
         shortest: f64 = 0.1, unit "s", range 0.0..=60.0;
         /// Number of the closest fragments that are considered.
         closest: usize = 5, unit "", range 1..=1000;
-        /// Consider the fragments too that follow those of the fragment before.
+        /// Also consider the fragments that follow those of the fragment before.
         extend: bool = true;
         /// Compare motions relative to the mean of each fragment.
         relative: bool = false;
@@ -45,7 +45,7 @@ params! {
         length: f64 = 0.1, unit "", range 0.0..=100.0;
         /// Cost of a fragment that does not follow the one before it in the source, in medians of the distances.
         break_cost: f64 = 0.5, unit "", range 0.0..=1000.0;
-        /// What the path is best in.
+        /// Quantity that the path optimises.
         objective: PathObjective = PathObjective::Weighted;
     }
 }

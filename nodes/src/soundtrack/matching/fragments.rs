@@ -4,7 +4,7 @@ use super::segmentation::derivative;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How fragments are compared.
+/// Rules of the comparison of fragments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FragmentRules {
     /// Number of the closest fragments.

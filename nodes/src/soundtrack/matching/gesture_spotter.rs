@@ -14,7 +14,7 @@ use crate::soundtrack::motion::MotionCurve;
 use crate::{archive_state, impl_state, params, ports};
 
 params! {
-    /// Recognises a gesture in a motion as it comes: `weight` rises when the motion was like the query.
+    /// Recognises a gesture in a motion in real time: `weight` rises when the motion was similar to the query.
     ///
     /// At each frame the parts of the motion that end there, from half to twice the length of the query, are compared with it as by `MotionQuery`. A part
     /// that is similar enough is recognised at once, and the next one does not overlap it. A `MotionQuery` over the whole motion takes the most similar
@@ -30,7 +30,7 @@ params! {
         [group] query: QueryParams;
         /// Channels of the motion and of the query.
         channels: u16 = 1, unit "", range 1..=1024_u16;
-        /// How long the weight holds after the gesture; None for the length of the query.
+        /// Duration of the weight after the gesture; None for the length of the query.
         hold: Option<f64> = None, unit "s", range 0.0..=3600.0;
         /// The weight of a gesture.
         gain: f64 = 1.0, unit "", range -1.0..=1.0;
@@ -199,7 +199,7 @@ mod tests {
 
     const RATE: Rate = Rate::hz(50);
 
-    /// A wandering motion with a gesture at 2 s, 6 s (as fast again) and 10 s (half as fast).
+    /// A random motion with a gesture at 2 s, 6 s (as fast again) and 10 s (half as fast).
     fn motion() -> MotionCurve {
         let mut rng = Rng::new(4);
         let mut x = 0.0;

@@ -15,7 +15,7 @@ use crate::{params, ports};
 params! {
     /// Makes a score in which one sound is wanted at all matches of a motion.
     ///
-    /// The sound is one or more intervals of a recording: `segments`, and what a `SoundSpot` has found. A match of similarity `s` has the weight
+    /// The sound is one or more intervals of a recording: `segments`, and those that a `SoundSpot` has found. A match of similarity `s` has the weight
     /// `weight ((s - threshold) / (1 - threshold) proportion + 1 - proportion)`, with a soft beginning and end.
     ///
     /// # Source
@@ -35,7 +35,7 @@ params! {
         pad: f64 = 0.05, unit "s", range 0.0..=10.0;
         /// Time by which the sound follows the motion; negative to precede it.
         delay: f64 = 0.0, unit "s", range -60.0..=60.0;
-        /// What holds for the sound outside of the matches.
+        /// Constraint on the sound outside of the matches.
         outside: Outside = Outside::None;
     }
 }

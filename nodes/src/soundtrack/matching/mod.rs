@@ -1,4 +1,4 @@
-//! Motions that are alike: queries for one motion, and paths of fragments from one animation to another.
+//! Similarity of motions: queries for one motion, and paths of fragments from one animation to another.
 
 mod deepening;
 mod dtw;

@@ -16,7 +16,7 @@ use crate::soundtrack::motion::MotionCurve;
 use crate::{params, ports};
 
 params! {
-    /// Finds all parts of a motion that are like one part of it, or of another motion.
+    /// Finds all parts of a motion that are similar to one part of it, or of another motion.
     ///
     /// The query is an interval of `source`, or else of `motion`. Parts from half to twice its length are stretched to it and compared by
     /// dynamic time warping. The similarity is 1 for equal motions and falls with the distance relative to the extent of the query. Parts that
@@ -28,9 +28,9 @@ params! {
     pub struct MotionQueryParams {
         /// The query.
         [group] query: QueryParams;
-        /// Compare parts of all lengths, and not only of nine.
+        /// Compare parts of all lengths, not only of nine.
         exhaustive: bool = false;
-        /// Choose the matches with the greatest sum of similarities, and not the most similar first.
+        /// Choose the matches with the greatest sum of similarities, instead of the most similar first.
         optimal: bool = false;
         /// Greatest number of matches, the most similar ones; None for all.
         count: Option<usize> = None, unit "", range 1..=1_000_000;

@@ -5,7 +5,7 @@ use super::matches::MotionMatch;
 /// Times that differ by less are equal, s.
 const EQUAL: f64 = 1e-9;
 
-/// Of matches, those that do not overlap a more similar one, in order of time; of equals the earlier and then the shorter.
+/// Returns the matches that do not overlap a more similar one, in order of time. Of equal matches the earlier, then the shorter one is chosen.
 ///
 /// # Complexity
 /// Quadratic in the worst case.
@@ -30,7 +30,7 @@ pub fn most_similar(mut all: Vec<MotionMatch>) -> Vec<MotionMatch> {
     chosen
 }
 
-/// Of matches, those without overlap whose similarities have the greatest sum, and of these the `count` most similar, in order of time.
+/// Returns the matches without overlap that have the greatest sum of similarities, or the `count` most similar of them, in order of time.
 ///
 /// # Complexity
 /// `N log N` in the matches.

@@ -10,7 +10,7 @@ use crate::soundtrack::motion::MotionCurve;
 use serde::{Deserialize, Serialize};
 
 choices! {
-    /// What a path is best in.
+    /// Quantity that a path optimises.
     pub enum PathObjective {
         /// The sum of distances and of the costs of breaks.
         Weighted,
@@ -24,7 +24,7 @@ choices! {
 pub struct PathRules {
     /// Cost of a fragment that does not follow the one before it in the source, in medians of the distances.
     pub break_cost: f64,
-    /// What the path is best in.
+    /// Quantity that the path optimises.
     pub objective: PathObjective,
 }
 
@@ -66,7 +66,7 @@ fn scale_of(lists: &[Vec<Candidate>], least: f64) -> f64 {
     quantile(&all, 0.5).max(least).max(f64::MIN_POSITIVE)
 }
 
-/// The path with the least sum of distances, over their median, and of `break_cost` for each fragment that does not follow the one before it. Its cost
+/// Returns the path with the least sum of distances, over their median, and of `break_cost` for each fragment that does not follow the one before it. Its cost
 /// and the number of consecutive fragments come with it. `least` is the least median.
 ///
 /// # Complexity

@@ -9,7 +9,7 @@ use crate::soundtrack::motion::MotionCurve;
 use crate::{params, ports};
 
 params! {
-    /// Gives the frames of an earlier animation that a path of fragments leads through.
+    /// Returns the frames of an earlier animation along a path of fragments.
     ///
     /// For each frame of the new animation it is the number of a frame of the earlier one, whose fragments are stretched to those of the new. `CurveOut` writes them, to render the picture by the same path as its sound, and `FrameScore` makes a score of them.
     pub struct PathFramesParams {}

@@ -75,7 +75,7 @@ fn level(channels: &[Vec<f32>], rate: f64, (from, to): (f64, f64)) -> f64 {
     if count > 0 { (sum / count as f64).sqrt() } else { 0.0 }
 }
 
-/// How a path becomes a score.
+/// Rules by which a path becomes a score.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathScoreRules {
     /// Weight of silence.
@@ -164,7 +164,7 @@ impl Func for PathScore {
         let tree = io.tree;
         if p.least > p.greatest {
             let message = format!("`least` is {}, and `greatest` is {}", p.least, p.greatest);
-            return Err(Fault::new("F156", message).at("least").help("give `least` no more than `greatest`"));
+            return Err(Fault::new("F156", message).at("least").help("`least` must be at most `greatest`"));
         }
         let source =
             tree.find(&p.recording.0).map_err(|e| Fault::new("F156", e.to_string()).at("recording"))?;

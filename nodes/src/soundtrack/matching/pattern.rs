@@ -6,7 +6,7 @@ use crate::soundtrack::motion::{CurveError, MotionCurve};
 use thiserror::Error;
 
 choices! {
-    /// What is removed from a motion before it is compared.
+    /// Normalisation of a motion before it is compared.
     pub enum Normalisation {
         /// Its mean.
         Offset,
@@ -28,9 +28,9 @@ pub struct QueryRules {
     pub threshold: f64,
     /// Deviation from a uniform change of tempo, as a share of the query.
     pub radius: f64,
-    /// What is removed.
+    /// Normalisation of motions.
     pub normalisation: Normalisation,
-    /// Try every length, and not only those with the ratio of a fourth of an octave.
+    /// Try every length, not only those with the ratio of a fourth of an octave.
     pub exhaustive: bool,
     /// Greatest number of matches, the most similar ones; `None` for all.
     pub count: Option<usize>,
@@ -62,17 +62,17 @@ pub enum QueryError {
     /// Other channels.
     #[error("the query has {query} channels, the motion {motion}")]
     Channels {
-        /// Those of the query.
+        /// Number of channels of the query.
         query: usize,
-        /// Those of the motion.
+        /// Number of channels of the motion.
         motion: usize,
     },
     /// Other rates.
     #[error("the query has {query} frames a second, the motion {motion}")]
     Rates {
-        /// That of the query.
+        /// Rate of the query.
         query: f64,
-        /// That of the motion.
+        /// Rate of the motion.
         motion: f64,
     },
     /// Outside of its curve, or too short.
@@ -88,7 +88,7 @@ pub enum QueryError {
         end: f64,
     },
     /// It does not move.
-    #[error("the motion from {from} s to {to} s is flat: nothing can be said to be similar to it")]
+    #[error("the motion from {from} s to {to} s is constant: no similarity to it is defined")]
     Flat {
         /// Its start.
         from: f64,

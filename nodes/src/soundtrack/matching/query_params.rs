@@ -18,7 +18,7 @@ params! {
         longest: f64 = 2.0, unit "", range 1.0..=20.0;
         /// Deviation from a uniform change of tempo, as a share of the query.
         radius: f64 = 0.1, unit "", range 0.0..=1.0;
-        /// What is removed before motions are compared.
+        /// Normalisation of motions before they are compared.
         normalisation: Normalisation = Normalisation::Offset;
     }
 }

@@ -47,12 +47,12 @@ fn windows<T: Send>(
     if is_stopped.into_inner() { Err(QueryError::Stopped) } else { Ok(found) }
 }
 
-/// A window in the order of its distance, or of what is known of it.
+/// A window in the order of its distance, or of a bound of it.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Ranked {
     /// Bits of the squared distance or of a lower bound of it, which are in the order of the numbers.
     bound: u64,
-    /// What the bound is: of some frames, of all frames, or the distance.
+    /// Kind of the bound: over some frames, over all frames, or the distance itself.
     step: Step,
     start: u32,
     len: u32,
@@ -69,7 +69,7 @@ enum Step {
 /// The parts of a motion that are similar to a part of a motion, as [`most_similar`](super::overlap::most_similar) chooses among
 /// [`find_matches`], in order of time.
 ///
-/// Windows are looked at in the order of lower bounds of their distances, which are refined as far as needed: what overlaps a better match is never
+/// Windows are examined in the order of lower bounds of their distances, which are refined when needed: what overlaps a better match is never
 /// compared.
 ///
 /// # Errors
@@ -141,10 +141,10 @@ pub fn best_matches(
     Ok(chosen.into_values().map(|(_, found)| found).collect())
 }
 
-/// Windows that are compared first to find a good one, and windows for each of them that are looked at.
+/// Windows that are compared first to find a good one, and windows that are examined for each of them.
 const FIRST: (usize, usize) = (64, 256);
 
-/// The most similar window; of equals the earlier and then the shorter.
+/// The most similar window; of equal windows the earlier, then the shorter one.
 ///
 /// A window that is good bounds the search from the beginning, and each better one bounds it more.
 fn best_match(

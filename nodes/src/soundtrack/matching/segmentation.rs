@@ -4,11 +4,11 @@ use crate::choices;
 use crate::dsp::{Band, Butterworth, zero_phase};
 
 choices! {
-    /// Where a motion is cut.
+    /// Points at which a motion is cut.
     pub enum SegmentVariant {
-        /// Where its derivative changes its sign: continuous sound through steady motion.
+        /// Sign changes of its derivative: continuous sound through steady motion.
         FirstDerivative,
-        /// Where its second derivative changes its sign: continuous sound where the motion turns.
+        /// Sign changes of its second derivative: continuous sound where the motion turns.
         SecondDerivative,
     }
 }
@@ -16,7 +16,7 @@ choices! {
 /// Rules of the cuts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentRules {
-    /// Where a motion is cut.
+    /// Points at which a motion is cut.
     pub variant: SegmentVariant,
     /// Cutoff of the low-pass filter, Hz; at most 0.4 of the rate is used.
     pub cutoff: f64,

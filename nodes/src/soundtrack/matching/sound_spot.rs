@@ -28,7 +28,7 @@ params! {
         from: f64, unit "s", range 0.0..=86_400.0;
         /// End of the passage.
         to: f64, unit "s", range 0.0..=86_400.0;
-        /// How passages are compared.
+        /// Method of the comparison of passages.
         mode: SpotMode = SpotMode::Warping;
         /// Greatest number of passages.
         count: usize = 8, unit "", range 1..=10_000;

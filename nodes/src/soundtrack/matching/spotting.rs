@@ -21,7 +21,7 @@ const FLOOR: f64 = 1e-10;
 const MIN_FRAMES: usize = 3;
 
 choices! {
-    /// How passages are compared.
+    /// Method of the comparison of passages.
     pub enum SpotMode {
         /// Mel cepstra by dynamic time warping.
         Warping,

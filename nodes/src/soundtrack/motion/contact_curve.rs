@@ -31,9 +31,9 @@ params! {
     ///
     /// As `weights` of a `TextureSynthesis` it directs a sound texture by physics.
     pub struct ContactCurveParams {
-        /// What is measured.
+        /// The measured quantity.
         measure: ContactMeasure = ContactMeasure::Sliding;
-        /// The measure that becomes 1; what is greater is 1 too. None for the measure itself.
+        /// The measure that becomes 1; greater measures are limited to 1. None for the measure itself.
         full: Option<f64> = None, unit "", range 1e-9..=1.0e12_f64;
         /// Items per second.
         rate: Rate = Rate::hz(60);
@@ -60,7 +60,7 @@ const MAX_CONTACTS: usize = 4096;
 struct Open {
     contact: u64,
     value: f32,
-    /// Time after which it has ended even without an end.
+    /// Time after which a contact without an end has ended.
     until: Tick,
 }
 

@@ -43,7 +43,7 @@ pub struct MotionCurve {
 }
 
 impl MotionCurve {
-    /// Makes a curve of values of which some are not finite. Gaps of up to 0.1 s are filled by a straight line.
+    /// Makes a curve of values, some of which are not finite. Gaps of up to 0.1 s are filled by a straight line.
     #[must_use]
     pub fn with_gaps(rate: f64, channels: usize, mut values: Vec<f32>) -> Self {
         let channels = channels.max(1);

@@ -17,7 +17,7 @@ const BRIDGED: f64 = 0.1;
 pub struct CurveTableError {
     /// Line, from 1.
     pub line: u64,
-    /// What was found, and what would be right.
+    /// The value found, and what is needed.
     pub message: String,
 }
 
@@ -115,7 +115,7 @@ impl CurveTable {
 /// objects such as `{"time": 0.5, "height": 1.2}`, with the names of the first line. Empty fields, `nan` and `null` are gaps.
 ///
 /// # Errors
-/// Line, what was found and what would be right.
+/// The line, the value found, and what is needed.
 ///
 /// # Example
 /// ```
@@ -193,7 +193,7 @@ fn read_lines(bytes: &[u8], column: &str) -> Result<CurveTable, CurveTableError>
             continue;
         }
         let object: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(text)
-            .map_err(|e| CurveTableError { line, message: format!("this is no JSON object: {e}") })?;
+            .map_err(|e| CurveTableError { line, message: format!("this is not a JSON object: {e}") })?;
         let (time, table) = match &mut found {
             Some(found) => found,
             None => {
@@ -258,7 +258,7 @@ mod tests {
             ("time_s,a\n0,1,2\n", 2, "3 field"),
             ("time_s,a\n", 1, "no row"),
             ("{\"time\": 0, \"a\": 1}\n{\"time\": 1, \"a\": \"x\"}", 2, "a number or null"),
-            ("{\"time\": 0, \"a\": 1}\n{", 2, "no JSON object"),
+            ("{\"time\": 0, \"a\": 1}\n{", 2, "not a JSON object"),
         ] {
             let e = read_curve_table(text.as_bytes(), "").unwrap_err();
             assert!(e.line == line && e.message.contains(part), "{text:?}: {e}");

@@ -34,7 +34,7 @@ params! {
     ///
     /// Derivatives are central differences over `span` frames on each side.
     pub struct PoseCurveParams {
-        /// What is measured.
+        /// The measured quantity.
         measure: PoseMeasure = PoseMeasure::Speed;
         /// Frames on each side that a derivative is taken over.
         span: usize = 1, unit "frames", range 1..=1000;

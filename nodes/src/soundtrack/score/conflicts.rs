@@ -45,7 +45,7 @@ impl Conflicts<'_> {
         self.sets.get(set).map(|s| self.score.names(&s.sources)).unwrap_or_default()
     }
 
-    /// Checks that at no time two sounds are hard inclusions, unless they morph, and that at each time hard inclusion and exclusions leave something.
+    /// Checks that no two sounds are hard inclusions at one time, unless they morph, and that hard inclusions and exclusions leave candidates at each time.
     ///
     /// # Errors
     /// The first conflict, at the later of its targets.
@@ -109,7 +109,7 @@ impl Conflicts<'_> {
         Ok(())
     }
 
-    /// Says why hard constraints leave no node whose children could be chosen, if they leave none.
+    /// Returns the reason why hard constraints leave no node whose children could be chosen; `None` if they leave one.
     fn impossible(&self, included: Option<usize>, excluded: &[usize]) -> Option<String> {
         let level = (self.tree.depth as usize).saturating_sub(2);
         let everything = NodeSet::new(vec![(0, self.tree.nodes(level) as u32)]);

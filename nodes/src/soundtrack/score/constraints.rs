@@ -13,7 +13,7 @@ use std::collections::HashMap;
 /// Shortest segment, samples.
 const MIN_SEGMENT: f64 = 4.0;
 
-/// What holds for a node of the output.
+/// Constraint on a node of the output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constraint {
     /// The set of sounds.
@@ -22,7 +22,7 @@ pub struct Constraint {
     pub weight: f64,
     /// True if the weight is 1 over the whole span.
     pub is_hard: bool,
-    /// The layer of a morph, 0 or 1: targets of different sets that overlap have different layers, as far as two are enough.
+    /// The layer of a morph, 0 or 1: targets of different sets that overlap have different layers, if two layers suffice.
     pub layer: usize,
 }
 
@@ -51,7 +51,7 @@ impl Overlap {
         }
     }
 
-    /// The one of the greatest weight, an inclusion of equals.
+    /// The constraint of the greatest weight; of equal ones an inclusion.
     #[must_use]
     pub fn greatest(&self) -> Option<Constraint> {
         let inclusion = self.inclusions[0];
@@ -179,7 +179,7 @@ impl Constraints {
     }
 }
 
-/// Gives targets, in order of their starts, layers: one whose targets have ended, or are of the same set, or else that which ends first.
+/// Assigns layers to targets, in order of their starts: a layer whose targets have ended or are of the same set, or else the one that ends first.
 fn layer(targets: &mut [Target]) {
     let mut last = [(f64::NEG_INFINITY, usize::MAX); 2];
     for target in targets {

@@ -3,12 +3,12 @@
 use super::curve::WeightCurve;
 use crate::artefact::text::Location;
 
-/// End of what has no end, s.
+/// End of an interval without an end, s.
 pub const NEVER: f64 = 1e12;
 /// Greatest weight of a soft constraint.
 pub const SOFT: f64 = 0.99;
 
-/// What a score says of a set of sounds, and where.
+/// The constraints of a score on a set of sounds, and their location.
 #[derive(Clone, Debug)]
 pub struct Directive {
     /// The set.

@@ -1,4 +1,4 @@
-//! Edit lists of a picture that was cut anew, and the scores that make its soundtrack follow them.
+//! Edit lists of a recut picture, and the scores that make its soundtrack follow them.
 //!
 //! An edit shows an interval of a source at an interval of the picture that results. A score includes the sound of the same interval of
 //! the source there, so that a soundtrack of the source becomes one of the new cut.
@@ -47,7 +47,7 @@ pub struct EditList {
     pub notices: Vec<String>,
 }
 
-/// How edits become a score.
+/// Rules by which edits become a score.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EditRules {
     /// Frames per second of the timecodes of a CMX 3600 list.
@@ -114,11 +114,11 @@ impl EditList {
 /// CMX 3600. `fps` are the frames per second of CMX timecodes.
 ///
 /// A table is CSV with the columns `target_from`, `target_to`, `source_from`, `source_to` (s) and, optionally, `recording` and `weight`.
-/// Of a CMX list the events with picture are read or, if there is none, those with sound; of OpenTimelineIO the first video track or, if
+/// CMX 3600: the events with picture are read or, if there is none, those with sound; OpenTimelineIO: the first video track or, if
 /// there is none, the first track.
 ///
 /// # Errors
-/// Line and column, what was found, and what would be right.
+/// Line and column, the value found, and what is needed.
 ///
 /// # Example
 /// ```

@@ -13,13 +13,13 @@ use crate::core::shape::{Build, Shape};
 use crate::{params, ports};
 
 params! {
-    /// Makes a score of the edit list of a picture that was cut anew: the sound of the source follows its picture.
+    /// Makes a score of the edit list of a recut picture: the sound of the source follows its picture.
     ///
-    /// Each interval of the source becomes a sound, and each edit a target with a constant weight. Lists are read in three formats, known
+    /// Each interval of the source becomes a sound, and each edit a target with a constant weight. Lists are read in three formats, detected
     /// by their content: CMX 3600 (`.edl`), OpenTimelineIO (`.otio`), and CSV with the columns `target_from`, `target_to`, `source_from`,
     /// `source_to` (s) and, optionally, `recording` (the end of its path) and `weight` (-1 to 1).
     ///
-    /// Of a CMX list the events with picture are read, or those with sound if no event has picture; of OpenTimelineIO the first video track,
+    /// CMX 3600: the events with picture are read, or those with sound if no event has picture. OpenTimelineIO: the first video track,
     /// or the first track if there is no video. Transitions are cuts: a dissolve, wipe or key of CMX at its beginning, a transition of
     /// OpenTimelineIO in its middle. Speed changes and nested stacks are not followed: where source and target differ in length, both
     /// keep their lengths, and a warning names the line.

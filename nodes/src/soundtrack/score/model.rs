@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub const MAX_TARGETS: usize = 100_000;
 
 choices! {
-    /// What holds for a sound outside of its targets.
+    /// Constraint on a sound outside of its targets.
     #[derive(Serialize, Deserialize)]
     pub enum Outside {
         /// Nothing: it may occur.
@@ -30,7 +30,7 @@ pub struct ScoreSource {
     pub recording: Option<String>,
     /// Start and end of each interval, s.
     pub segments: Vec<(f64, f64)>,
-    /// What holds outside of its targets.
+    /// Constraint outside of its targets.
     pub outside: Outside,
     /// Location in its file.
     pub location: Location,
@@ -41,8 +41,8 @@ pub struct ScoreSource {
 pub struct ScoreTarget {
     /// The sounds, by index, in increasing order.
     pub sources: Vec<usize>,
-    /// The weight over time: 1 is hard inclusion and -1 hard exclusion; between, it is the probability that they are included, or
-    /// excluded, beyond what chance makes of it. 0 is no constraint.
+    /// The weight over time: 1 is hard inclusion and -1 hard exclusion; between them it is the probability of inclusion or exclusion, in
+    /// addition to that of a random choice. 0 is no constraint.
     pub curve: WeightCurve,
     /// Location in its file.
     pub location: Location,

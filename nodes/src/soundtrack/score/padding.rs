@@ -5,7 +5,7 @@ use super::directive::{Directive, SOFT};
 /// Steps of a ramp.
 const RAMP_STEPS: usize = 8;
 
-/// Adds soft ramps beside weights of 1 and -1 at the ends of curves, as far as there is no other target.
+/// Adds soft ramps beside weights of 1 and -1 at the ends of curves, where there is no other target.
 pub fn padded(all: &mut [Directive], pad: f64) {
     if pad <= 0.0 {
         return;

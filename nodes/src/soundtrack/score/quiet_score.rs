@@ -12,7 +12,7 @@ use crate::{params, ports};
 params! {
     /// Lowers the weights of targets whose sounds are nearly silent, so that others are satisfied better.
     ///
-    /// Silence is found nearly everywhere, and need not be asked for. A passage is quiet if it is below -60 dB of full scale, or less than 6 dB
+    /// Silence is found nearly everywhere, and need not be requested. A passage is quiet if it is below -60 dB of full scale, or less than 6 dB
     /// above the quietest tenth of its recording.
     ///
     /// # Source
@@ -20,7 +20,7 @@ params! {
     pub struct QuietScoreParams {
         /// Factor on the weights of quiet targets.
         factor: f64 = 0.25, unit "", range 0.0..=1.0;
-        /// Share of a sound from which on it is quiet.
+        /// Minimum share of a sound that counts as quiet.
         share: f64 = 0.9, unit "", range 0.0..=1.0;
     }
 }

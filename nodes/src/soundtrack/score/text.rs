@@ -166,7 +166,7 @@ fn target(
 /// Reads a score.
 ///
 /// # Errors
-/// Says line and column, what was found and what would be right, of every sound, or else every target, that is wrong.
+/// Line, column, the value found and what is needed, for every sound, or else every target, that is invalid.
 ///
 /// # Example
 /// ```

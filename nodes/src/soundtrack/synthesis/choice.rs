@@ -14,7 +14,7 @@ pub struct Best {
 }
 
 impl Best {
-    /// True if something goes on, or if there is more than one candidate.
+    /// True if a stretch continues, or if there is more than one candidate.
     pub fn is_choice(&self) -> bool {
         self.predecessors > 0 || self.nodes.len() > 1
     }

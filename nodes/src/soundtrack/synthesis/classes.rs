@@ -55,7 +55,7 @@ impl Classes {
         Self { depth, limit: limit.max(1), lists: vec![OPEN; nodes * depth], nodes: Vec::new(), capped: 0 }
     }
 
-    /// Forgets all candidates.
+    /// Removes all candidates.
     pub fn clear(&mut self) {
         self.lists.fill(OPEN);
         self.nodes.clear();

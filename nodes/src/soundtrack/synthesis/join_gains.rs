@@ -14,15 +14,16 @@ const SLOPE: f32 = 2.0;
 
 /// Gains by octave of the last block, which return to 0 dB from its beginning on.
 ///
-/// At a join the level changes by two differences: what begins, from what would have followed; and what would have preceded it, from what ended. The gain
-/// undoes the lesser of them, and nothing where they have opposite signs: the beginning of an event within a block, before which there was none,
+/// At a join the level changes by two differences: that of the beginning from what would have followed, and that of what would have
+/// preceded it from the end. The gain undoes the lesser of them, and nothing where they have opposite signs: the beginning of an event
+/// within a block, before which there was none,
 /// stays as it is. It raises no frame of an octave above the end of the block before, nor above the loudest frame of the recordings; the peak of a
 /// sum of octaves may rise.
 #[derive(Clone, Debug)]
 pub struct JoinGains {
     /// The greatest magnitude of a gain, dB.
     limit: f32,
-    /// What remains of a gain at the end of a block.
+    /// Share of a gain that remains at the end of a block.
     remains: f32,
     /// At the beginning of the last block and at its end, dB, by octave, the finest ones.
     gains: Vec<[f32; 2]>,
@@ -36,12 +37,12 @@ impl JoinGains {
         Self { limit: limit.max(0.0) as f32, remains, gains: vec![[0.0; 2]; model.envelopes.bands()] }
     }
 
-    /// Goes on where others are. Allocates nothing.
+    /// Continues from the gains of another texture. Allocates nothing.
     pub fn follow(&mut self, other: &Self) {
         self.gains.iter_mut().zip(&other.gains).for_each(|(own, other)| *own = *other);
     }
 
-    /// Goes on to the next block. `join`: the root of the model that the block before ended with, and the root that this one begins with; without it
+    /// Continues with the next block. `join`: the root of the model that the block before ended with, and the root that this one begins with; without it
     /// levels need not continue.
     pub fn advance(&mut self, model: &TextureModel, join: Option<(u32, u32)>) {
         let roots = join.map_or([None; 4], |(last, next)| {
@@ -74,7 +75,7 @@ impl JoinGains {
         self.gains.iter_mut().for_each(|gain| gain[1] = self.remains * gain[0]);
     }
 
-    /// Applies the gains to the details of the last block in a level of so many, of one channel.
+    /// Applies the gains to the details of one channel of the last block in a level, one of `levels` levels.
     pub fn apply(&self, levels: usize, level: usize, details: &mut [f32]) {
         let octave = (level + self.gains.len()).checked_sub(levels);
         let Some([start, end]) = octave.and_then(|octave| self.gains.get(octave)).copied() else { return };

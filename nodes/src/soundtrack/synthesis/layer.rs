@@ -14,20 +14,20 @@ use std::ops::Range;
 /// Nodes that were chosen lately.
 #[derive(Clone, Debug, Default)]
 pub struct Recent {
-    /// How often each node was chosen; empty if that does not matter.
+    /// Number of times that each node was chosen; empty if it does not matter.
     pub counts: Vec<u16>,
     order: VecDeque<u32>,
     limit: usize,
 }
 
 impl Recent {
-    /// Nothing yet of `nodes` nodes, of which the last `limit` choices count.
+    /// Creates the empty history of `nodes` nodes, in which the last `limit` choices count.
     fn new(nodes: usize, limit: usize) -> Self {
         let counts = vec![0; if limit > 0 { nodes } else { 0 }];
         Self { counts, order: VecDeque::with_capacity(limit), limit }
     }
 
-    /// Goes on with the choices of another texture of the same model and limit. Allocates nothing.
+    /// Continues with the choices of another texture of the same model and limit. Allocates nothing.
     pub fn follow(&mut self, other: &Self) {
         self.counts.copy_from_slice(&other.counts);
         self.order.clear();
@@ -39,7 +39,7 @@ impl Recent {
         factor.powi(self.counts.get(node as usize).copied().unwrap_or(0).into())
     }
 
-    /// Adds one, and forgets the oldest if there are too many.
+    /// Adds one, and removes the oldest if there are too many.
     pub fn add(&mut self, node: u32) {
         if self.limit == 0 {
             return;
@@ -87,7 +87,7 @@ impl Remaining {
         }
     }
 
-    /// Forgets all candidates.
+    /// Removes all candidates.
     pub fn clear(&mut self) {
         self.ranges.fill((0, 0));
         self.nodes.clear();
@@ -103,11 +103,11 @@ pub struct Layer {
     pub approximation: Vec<f32>,
     /// The candidates of the current root.
     pub classes: Classes,
-    /// Those that were left, for a narrow search.
+    /// Candidates that were left, for a narrow search.
     pub remaining: Remaining,
-    /// Those that are compared first.
+    /// Candidates that are compared first.
     pub first: Vec<u32>,
-    /// What was chosen lately, by level.
+    /// Nodes that were chosen recently, by level.
     pub recent: Vec<Recent>,
     /// Roots that were chosen lately.
     pub recent_roots: Recent,

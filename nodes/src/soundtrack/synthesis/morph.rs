@@ -5,7 +5,7 @@ use crate::soundtrack::score::{NodeSet, SourceSet};
 use crate::soundtrack::wavelet::TextureModel;
 
 choices! {
-    /// What is heard where targets of two sounds overlap.
+    /// Sound where targets of two sounds overlap.
     pub enum OverlapMode {
         /// The sound of the greater weight.
         Winner,

@@ -5,25 +5,25 @@ use crate::soundtrack::score::SOFT;
 use crate::soundtrack::score::{Constraint, Constraints, Overlap, WeightStream};
 use crate::soundtrack::wavelet::TextureModel;
 
-/// What holds for a node of the output.
+/// Constraints on a node of the output.
 #[derive(Default)]
 pub struct NodeConstraints {
     /// By layer.
     pub own: [Option<Constraint>; 2],
-    /// What holds later by the look-ahead.
+    /// Constraints on the node that is later by the look-ahead.
     pub later: [Option<Constraint>; 2],
     /// The look-ahead, nodes.
     pub distance: u32,
     /// The layer that is heard.
     pub lead: usize,
-    /// If both are heard, the share of the first.
+    /// The share of the first layer, if both are heard.
     pub share: Option<f64>,
     /// Sets that must not occur.
     pub forbidden: Vec<usize>,
 }
 
 impl NodeConstraints {
-    /// Those of a node with an index from the beginning of the output. If sounds morph, two inclusions may hold.
+    /// Constraints of a node with an index from the beginning of the output. If sounds morph, two inclusions may hold.
     pub fn at(
         model: &TextureModel,
         constraints: &Constraints,

@@ -1,4 +1,4 @@
-//! Where sounds of an output come from.
+//! Positions in recordings that the sounds of an output come from.
 
 use crate::core::item::Item;
 use crate::core::random::Rng;

@@ -1,13 +1,13 @@
-//! Rules of a synthesis, and counts of what happened.
+//! Rules of a synthesis, and counts of its choices.
 
 use super::morph::OverlapMode;
 use crate::core::node::Summary;
 use crate::{choices, impl_state};
 
 choices! {
-    /// How similar ancestors and predecessors are counted.
+    /// Method of counting similar ancestors and predecessors.
     pub enum MatchCount {
-        /// Those in a row, from the nearest on.
+        /// Consecutive ones, from the nearest on.
         Consecutive,
         /// All of them.
         Total,
@@ -15,7 +15,7 @@ choices! {
 }
 
 choices! {
-    /// When the ancestors of a candidate are similar to those of the output.
+    /// Criterion by which the ancestors of a candidate are similar to those of the output.
     pub enum MatchCriterion {
         /// Each differs by the threshold at most.
         PerCoefficient,
@@ -29,13 +29,13 @@ choices! {
     pub enum CandidateSearch {
         /// All nodes of the level.
         Exact,
-        /// The children of the candidates of the parent; all nodes where none of them will do.
+        /// The children of the candidates of the parent; all nodes where none of them matches.
         Narrow,
     }
 }
 
 choices! {
-    /// How a weight between -1 and 1 acts.
+    /// Effect of a weight between -1 and 1.
     pub enum WeightBias {
         /// As a probability: with the share `p` of chance, `p + (1 - p) |w|`.
         Probability,
@@ -53,30 +53,30 @@ pub struct SynthesisRules {
     pub predecessors: usize,
     /// The same for roots.
     pub root_predecessors: usize,
-    /// Roots are chosen by how well their levels by octave continue those before, and not by predecessors that match: the greatest difference, relative
-    /// to that of consecutive blocks of the recordings.
+    /// Roots are chosen by the continuity of their levels by octave with those before, instead of predecessors that match: the greatest difference,
+    /// relative to that of consecutive blocks of the recordings.
     pub continuity: Option<f64>,
     /// Greatest gain by which the levels of a block continue those before it, dB; 0 for blocks as they were recorded.
     pub join_gain: f64,
-    /// How similar ancestors and predecessors are counted.
+    /// Method of counting similar ancestors and predecessors.
     pub count: MatchCount,
-    /// When ancestors are similar.
+    /// Criterion by which ancestors are similar.
     pub criterion: MatchCriterion,
     /// The candidates that are compared.
     pub search: CandidateSearch,
     /// Time by which a wanted sound is prepared, s.
     pub look_ahead: f64,
-    /// Share of the match of other nodes that a wanted node must reach, and the other way round.
+    /// Minimum match of a wanted node, as a share of that of other nodes, and of other nodes as a share of that of a wanted node.
     pub quality: f64,
-    /// How weights act.
+    /// Effect of weights between -1 and 1.
     pub bias: WeightBias,
-    /// What is heard where two sounds overlap.
+    /// Sound where two sounds overlap.
     pub overlap: OverlapMode,
-    /// Probability that a node remains a candidate, for each time that it was chosen lately; 1 for no preference.
+    /// Probability that a node remains a candidate, for each recent choice of it; 1 for no preference.
     pub repetition: f64,
-    /// How long a choice counts for `repetition`, s.
+    /// Duration for which a choice counts for `repetition`, s.
     pub memory: f64,
-    /// Longest stretch of a recording that is repeated as it is, s, as long as there is another choice.
+    /// Longest stretch of a recording that is repeated unchanged, s, if there is another choice.
     pub max_run: Option<f64>,
     /// Greatest number of candidates of one kind that are compared; of more, this many are taken at equal distances.
     pub candidates: usize,
@@ -112,7 +112,7 @@ impl SynthesisRules {
     }
 }
 
-/// What happened in a synthesis.
+/// Counts of a synthesis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SynthesisCounts {
     /// Nodes that were matched.

@@ -24,7 +24,7 @@ pub fn located<'a>(score: &'a SoundScore, tree: &WaveletTree) -> Vec<(usize, &'a
     score.sources.iter().map(|s| (recording(s).unwrap_or(usize::MAX), s)).collect()
 }
 
-/// What a figure shows.
+/// Data of a figure.
 pub struct SoundtrackFigure<'a> {
     positions: &'a [SourcePosition],
     /// Positions per second.
@@ -42,7 +42,7 @@ fn short(name: &str) -> &str {
 }
 
 impl<'a> SoundtrackFigure<'a> {
-    /// Of the positions of an output.
+    /// Creates the figure of the positions of an output.
     pub fn new(
         positions: &'a [SourcePosition],
         rate: f64,
@@ -100,7 +100,7 @@ impl<'a> SoundtrackFigure<'a> {
         Chart::of("score", TIME, ("weight", false), lines)
     }
 
-    /// The sound that the output is of at a time: of several the one that is wanted then.
+    /// The sound that the output comes from at a time; of several, the one that is wanted then.
     fn sound_at(&self, t: f64) -> Option<usize> {
         let position = self.positions.get((t * self.rate) as usize)?;
         let (recording, time) = (position.recording as usize, f64::from(position.seconds));

@@ -26,7 +26,7 @@ params! {
 ports! {
     pub struct SoundtrackReportPorts / SoundtrackReportIo {
         in {
-            /// Where the samples come from.
+            /// Positions in recordings that the samples come from.
             positions: Stream<SourcePositions>,
             /// The model.
             model: Value<TextureModel>,

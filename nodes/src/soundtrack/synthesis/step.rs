@@ -31,10 +31,10 @@ pub fn predecessor(model: &TextureModel, level: usize, node: u32, distance: u32)
     }
 }
 
-/// What was chosen lately, and is left out by chance.
+/// Recent choices, which are left out by chance.
 #[derive(Clone, Copy)]
 pub struct Repetition<'a> {
-    /// How often each node was chosen; empty if that does not matter.
+    /// Number of times that each node was chosen; empty if it does not matter.
     pub counts: &'a [u16],
     /// Probability that a node remains, for each time.
     pub factor: f64,
@@ -57,11 +57,11 @@ impl Repetition<'_> {
 /// The limits that hold for candidates.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Limits {
-    /// What was chosen lately is left out by chance.
+    /// True if recent choices are left out by chance.
     repeats: bool,
-    /// Roots are joined at borders of the same class.
+    /// True if roots are joined only at borders of the same class.
     alike: bool,
-    /// Stretches have a greatest length.
+    /// True if stretches have a maximum length.
     run: bool,
 }
 
@@ -81,9 +81,9 @@ pub struct Step<'a> {
     pub has_masks: bool,
     /// Longest stretch of a recording, samples.
     pub longest: Option<f64>,
-    /// Candidates that are looked at before all others.
+    /// Candidates that are examined before all others.
     pub first: &'a [u32],
-    /// What was chosen lately.
+    /// Recent choices.
     pub repetition: Repetition<'a>,
 }
 
@@ -106,7 +106,7 @@ impl Step<'_> {
         !is_masked && !self.model.is_redundant(level, candidate) && !self.forbidden.iter().any(excluded)
     }
 
-    /// True if a candidate would go on with a stretch of its recording beyond the longest, or so far that it has to end where it is loud.
+    /// True if a candidate would continue a stretch of its recording beyond the longest, or so far that it has to end where it is loud.
     fn is_too_long(&self, candidate: u32) -> bool {
         let Some(longest) = self.longest else { return false };
         let (level, node, count) =
@@ -121,7 +121,7 @@ impl Step<'_> {
         length > longest || self.level == 0 && self.ends_loud(length)
     }
 
-    /// True if a stretch that goes on at the end of the last leaf, to a length in samples, has to end at the next border of roots, which is loud.
+    /// True if a stretch that continues at the end of the last leaf, to a length in samples, has to end at the next border of roots, which is loud.
     fn ends_loud(&self, length: f64) -> bool {
         let is_before = |root: u32| self.model.envelopes.borders(root)[1].kind == BorderKind::BeforeLoud;
         let next = length + self.model.tree.span(0) as f64;
@@ -149,8 +149,8 @@ impl Step<'_> {
         }
     }
 
-    /// True if a candidate goes on in its recording, or begins at a border of the same class as that at which the root of the last leaf ends. As often as roots
-    /// end at borders of a class, so often roots begin there: each is chosen as often as any, as without this limit.
+    /// True if a candidate continues its recording, or begins at a border of the class at which the root of the last leaf ends. Roots begin at borders
+    /// of a class as often as they end there: each is chosen as often as any, as without this limit.
     fn is_alike(&self, candidate: u32) -> bool {
         let borders = |root: u32| self.model.envelopes.borders(root);
         self.tree.root_of_leaf(-1).is_none_or(|before| {
@@ -159,7 +159,7 @@ impl Step<'_> {
         })
     }
 
-    /// The best of the candidates that a condition admits, without those that go on for too long if there are others. `few` has all nodes that
+    /// The best of the candidates that a condition admits, without those that continue for too long if there are others. `few` has all nodes that
     /// the condition admits, if they are few.
     pub fn best(
         &self,
@@ -181,7 +181,7 @@ impl Step<'_> {
         !self.is_root || best.is_choice()
     }
 
-    /// Which limits hold: as many as leave a candidate.
+    /// Sets of limits to try in turn, the strictest first, until one leaves a candidate.
     fn limits(&self) -> impl Iterator<Item = Limits> {
         let (repeats, run) = (!self.repetition.counts.is_empty(), self.rules.max_run.is_some());
         let alike = run && self.level == 0;
@@ -248,7 +248,7 @@ impl Step<'_> {
         }
     }
 
-    /// The ancestors of a candidate that are similar, with the node itself; 0 if that is not.
+    /// Number of ancestors of a candidate that are similar, with the node itself; 0 if the node itself is not.
     fn ancestors(&self, candidate: u32) -> usize {
         let up = 0..=self.level;
         match (self.rules.criterion, self.rules.count) {
@@ -283,7 +283,7 @@ impl Step<'_> {
         }
     }
 
-    /// Of candidates, those with the most ancestors that are similar, and of these those with the most predecessors.
+    /// Returns the candidates with the most similar ancestors, and of these the ones with the most predecessors.
     fn deepest(&self, candidates: &mut dyn Iterator<Item = u32>) -> Option<Best> {
         let mut found: (usize, Vec<u32>) = (1, Vec::new());
         for m in candidates {
@@ -297,7 +297,7 @@ impl Step<'_> {
         self.with_predecessors(found.0, found.1)
     }
 
-    /// The best of the candidates that are wanted, and of all others, without those that go on for too long if there are others.
+    /// The best of the candidates that are wanted, and of all others, without those that continue for too long if there are others.
     pub fn pair(&self, classes: &mut Classes, is_wanted: impl Fn(u32) -> bool) -> Pair {
         let mut pair = Pair::default();
         for limits in self.limits() {
@@ -320,7 +320,7 @@ impl Step<'_> {
         pair
     }
 
-    /// The search ends at the depth from which on the kind that is not found yet would match too badly.
+    /// The search ends at the depth at which the kind that is not found yet would match too badly.
     fn pair_of(
         &self,
         classes: &mut Classes,
@@ -382,7 +382,7 @@ impl Step<'_> {
         if self.level == 0 { self.rules.root_predecessors } else { self.rules.predecessors }
     }
 
-    /// Of roots, those that may be chosen: all of them by their [continuity](Self::continuity), or those with the most predecessors that match.
+    /// Returns the roots that may be chosen: all of them by their [continuity](Self::continuity), or those with the most predecessors that match.
     fn of_roots(&self, nodes: Vec<u32>) -> Option<Best> {
         match self.rules.continuity {
             Some(_) => (!nodes.is_empty()).then_some(Best { ancestors: 1, predecessors: 0, nodes }),
@@ -390,8 +390,8 @@ impl Step<'_> {
         }
     }
 
-    /// How well the levels of what precedes a root in its recording continue those of the root before this one, from 0 to 1: about 1 within the
-    /// difference that the rules state, and little beyond it.
+    /// Continuity of the levels from the root before this one to a candidate root, from 0 to 1. It compares the levels of what precedes the
+    /// candidate in its recording with those of the root before: about 1 within the difference that the rules state, and little beyond it.
     pub fn continuity(&self, root: u32) -> f64 {
         let (Some(scale), true) = (self.rules.continuity, self.is_root) else { return 1.0 };
         match (self.tree.pick(0, -1), predecessor(self.model, 0, root, 1)) {
@@ -405,7 +405,7 @@ impl Step<'_> {
         }
     }
 
-    /// Of candidates, those with the most predecessors that match.
+    /// Returns the candidates with the most predecessors that match.
     fn with_predecessors(&self, ancestors: usize, nodes: Vec<u32>) -> Option<Best> {
         let mut best = Best { ancestors, predecessors: 0, nodes: Vec::new() };
         for m in nodes {

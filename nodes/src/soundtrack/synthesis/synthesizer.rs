@@ -14,14 +14,14 @@ use crate::soundtrack::score::{Constraint, Constraints, NodeSet, WeightStream};
 use crate::soundtrack::wavelet::{BorderKind, TextureModel};
 use std::sync::Arc;
 
-/// Nodes of a set up to which each is looked at.
+/// Maximum size of a set whose nodes are examined one by one.
 const FEW: usize = 64;
 
 /// The longest stretch is drawn for each root, between this share of it and the whole.
 const SHORTEST_RUN: f64 = 0.25;
 
-/// The weight of a root for each time that it was chosen in the last half of as many choices as there are roots. So a minute has the statistics of a
-/// recording, however few roots are loud; the probability of what a score wants is as without it.
+/// The weight of a root for each time that it was among the recent choices, half as many as there are roots. So a minute has the statistics of a
+/// recording, however few roots are loud; the probability of what a score wants is unchanged.
 const AGAIN: f64 = 0.02;
 
 /// The set of a root in which two sounds are mixed.
@@ -36,8 +36,8 @@ const OMISSIONS: u32 = 1 << 16;
 /// the model whose ancestors and predecessors match most. The result is the same as level by level over the whole output, because a choice is
 /// a function of what is above and to the left of it, and of random numbers of its own.
 ///
-/// Where two sounds overlap and morph, each is made in a layer of its own by the same random numbers, and the output is a mixture of both. Each
-/// layer goes on with what it has, so no choice is matched with a mixture. Elsewhere both layers are the same.
+/// When two sounds overlap and morph, each is made in a layer of its own by the same random numbers, and the output is a mixture of both.
+/// Each layer continues from its own choices, so no choice is matched with a mixture. Elsewhere both layers are the same.
 ///
 /// # Complexity
 /// Linear in the candidates that match: a few for each node of a natural sound.
@@ -59,18 +59,18 @@ pub struct Synthesizer {
     /// The sets of the constraints of the last root by layer; [`NONE`] without one, [`MIXTURE`] where two are mixed.
     sets: [u32; 2],
     has_masks: bool,
-    /// What happened so far.
+    /// Counts so far.
     pub counts: SynthesisCounts,
 }
 
 impl Synthesizer {
-    /// Begins at another root; what was made before becomes its history.
+    /// Begins another root; the previous output becomes its history.
     pub fn go_to(&mut self, root: i64) {
         self.next = root;
     }
 
-    /// Goes on where another texture of the same model is, with as much of its history as counts here; of the nodes that were chosen lately, the roots
-    /// of the present round are taken over. Allocates nothing.
+    /// Continues from another texture of the same model, with as much of its history as counts here; of the recent choices, the roots of the
+    /// present round are taken over. Allocates nothing.
     pub fn follow(&mut self, other: &Self) {
         for (k, own) in self.layers.iter_mut().enumerate() {
             if let Some(other) = other.layers.get(k).or(other.layers.first()) {
@@ -85,7 +85,7 @@ impl Synthesizer {
         self.counts = other.counts;
     }
 
-    /// A texture before its first root, which is `first`; what is before 0 and after `end`, in s, has the constraints there.
+    /// A texture before its first root, `first`; the constraints at 0 hold before it, and those at `end`, in s, hold after it.
     #[must_use]
     pub fn new(
         model: Arc<TextureModel>,
@@ -194,8 +194,8 @@ impl Synthesizer {
         }
     }
 
-    /// The candidates for a node of the last root, as if it had no constraint: those that match as many of its ancestors as any, and of these those
-    /// that match as many predecessors as any. `None` for a leaf, or if nothing matches.
+    /// The candidates for a node of the last root, as if it had no constraint: those with the most ancestors that match, and of these those
+    /// with the most predecessors that match. `None` for a leaf, or if nothing matches.
     pub fn candidates(&mut self, level: usize, node: usize) -> Option<(Vec<u32>, Best)> {
         let root = self.next - 1;
         let Self { model, constraints, rules, random, layers, has_masks, .. } = self;
@@ -373,8 +373,9 @@ impl Synthesizer {
     }
 }
 
-/// The longest stretch below a root, samples; `before` is the root of the leaf before it. A fixed length would be heard as a rhythm. Where three roots fit, more than half
-/// of all stretches are shorter than two; where two fit, they are anyway. What is loud above 8 kHz goes on as long as it may, so that few joins are heard.
+/// The longest stretch below a root, samples; `before` is the root of the leaf before it. A fixed length would be heard as a rhythm. Where three
+/// roots fit, more than half of all stretches are shorter than two; where two fit, they are anyway. Parts that are loud above 8 kHz continue as
+/// long as permitted, so that few joins are audible.
 ///
 /// A recording with enough borders before loud ones is joined mostly at borders of roots, where levels are compared: joins within roots would modulate it.
 /// In others it would be joined at their few loud borders too often.

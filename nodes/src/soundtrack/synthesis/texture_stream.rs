@@ -10,7 +10,7 @@ use crate::soundtrack::wavelet::{StreamingInverse, TextureModel};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// The audio of a [`Synthesizer`], from any frame on, and where it comes from.
+/// The audio of a [`Synthesizer`], from any frame on, and its positions in recordings.
 ///
 /// # Example
 /// ```
@@ -44,7 +44,7 @@ pub struct TextureStream {
 }
 
 impl TextureStream {
-    /// A texture that ends at `end`, in s: what follows has the constraints of the end.
+    /// A texture that ends at `end`, in s; the constraints of the end hold after it.
     #[must_use]
     pub fn new(
         model: Arc<TextureModel>,
@@ -68,13 +68,13 @@ impl TextureStream {
         }
     }
 
-    /// What happened so far.
+    /// Counts so far.
     #[must_use]
     pub fn counts(&self) -> SynthesisCounts {
         self.synthesizer.counts
     }
 
-    /// Begins so that all from frame `first` on is complete.
+    /// Begins early enough for all frames from `first` on to be complete.
     fn begin(&mut self, first: i64) {
         let depth = self.model.tree.depth;
         let root = (first >> depth) - self.model.tree.wavelet.reach() as i64 - 1;
@@ -84,7 +84,7 @@ impl TextureStream {
         self.has_begun = true;
     }
 
-    /// Makes one root and what it completes.
+    /// Makes one root and the samples that it completes.
     fn advance(&mut self, weights: Option<WeightStream<'_>>) {
         self.synthesizer.advance(weights);
         let tree = &self.model.tree;
@@ -110,13 +110,13 @@ impl TextureStream {
         }
     }
 
-    /// Writes interleaved frames from `first` on, which is where the last call ended, and the positions of pairs of samples.
+    /// Writes interleaved frames from `first` on, the end of the last call, and the positions of pairs of samples.
     ///
     /// # Shapes
     /// `audio`: whole frames of the channels of the model. `positions`: those that begin within these frames, or none.
     ///
     /// # Complexity
-    /// That of [`Synthesizer`], and linear in the samples.
+    /// As [`Synthesizer`], and linear in the samples.
     pub fn fill(
         &mut self,
         first: i64,
@@ -150,7 +150,7 @@ impl TextureStream {
         positions.iter_mut().zip(&self.positions).for_each(|(out, position)| *out = *position);
     }
 
-    /// Goes on where another stream is, if its model has the same shape; otherwise it begins anew. Allocates nothing.
+    /// Continues from another stream, if its model has the same shape; otherwise it begins anew. Allocates nothing.
     pub fn follow(&mut self, other: &Self) {
         let (own, model) = (&self.model.tree, &other.model.tree);
         let is_same = (own.depth, own.channels, own.wavelet) == (model.depth, model.channels, model.wavelet)

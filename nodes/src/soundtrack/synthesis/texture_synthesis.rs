@@ -26,7 +26,7 @@ params! {
     /// intervals of the recordings are matched apart, and one of both kinds is chosen with the probability that the weight states.
     ///
     /// `weights` has a channel for each of the first sounds of the score, in its order: weights that change while the graph plays, from a `LiveControl` or
-    /// from motion. Of several weights at a time the greatest counts, or the two greatest are mixed as `overlap` says.
+    /// from motion. The greatest of several weights at a time counts, or the two greatest are mixed according to `overlap`.
     ///
     /// The output is a function of seed, model and score: a change of the score changes nothing that is earlier than the change by more than
     /// the look-ahead and five blocks.
@@ -47,42 +47,42 @@ params! {
         rate: Rate = Rate::hz(48_000);
         /// Number of predecessors that are compared.
         predecessors: usize = 5, unit "", range 0..=64;
-        /// A block goes on from the one before it if its predecessor in the recording has similar levels by octave: the difference at which another
-        /// block is half as likely, relative to the median difference of consecutive blocks. 0.5 keeps slow modulations of steady sounds, and may leave out rare
-        /// events. None: the blocks whose predecessors match most are chosen, as in the paper, whatever their levels.
+        /// A block follows the one before it if its predecessor in the recording has similar levels by octave. The value is the difference at which
+        /// another block is half as likely, relative to the median difference of consecutive blocks. 0.5 preserves slow modulations of steady
+        /// sounds, and may leave out rare events. None: the blocks whose predecessors match most are chosen, as in the paper, whatever their levels.
         continuity: Option<f64> = None, unit "", range 0.001..=1000.0;
         /// Number of predecessors of a block that are compared without `continuity`.
         root_predecessors: usize = 16, unit "", range 0..=64;
-        /// At a join of two blocks, what follows continues the levels by octave before it, by gains that return to 0 dB within 0.35 s: their greatest magnitude.
-        /// Nothing is raised above the end of the block before, and gains of neighbouring octaves differ by 2 dB at most. There is none where other sounds are wanted
-        /// than before, or where two are mixed. 0: blocks are heard as they were recorded, as in the paper.
+        /// Greatest magnitude of the gains at a join of two blocks, which make the levels by octave continue and return to 0 dB within 0.35 s.
+        /// Nothing is raised above the end of the block before, and gains of neighbouring octaves differ by 2 dB at most. There is no gain where
+        /// the wanted sounds change, or where two are mixed. 0: blocks are heard as they were recorded, as in the paper.
         join_gain: f64 = 15.0, unit "dB", range 0.0..=60.0;
-        /// How similar ancestors and predecessors are counted. Where a score leaves no candidate all of whose ancestors are similar, `Total`
+        /// Method of counting similar ancestors and predecessors. Where a score leaves no candidate all of whose ancestors are similar, `Total`
         /// compares all nodes, which takes much longer.
         count: MatchCount = MatchCount::Consecutive;
-        /// When ancestors are similar. `RunningMean` compares all nodes with `search: Exact`, which takes much longer.
+        /// Criterion by which ancestors are similar. `RunningMean` compares all nodes with `search: Exact`, which takes much longer.
         criterion: MatchCriterion = MatchCriterion::PerCoefficient;
         /// The candidates that are compared. `Narrow` copies longer stretches, because it follows few candidates from level to level.
         search: CandidateSearch = CandidateSearch::Exact;
-        /// Longest stretch of a recording that is repeated as it is, unless there is no other choice; None for no limit. Stretches in which one
-        /// would go on have random lengths from a quarter of it, or from a block where two fit and the recording has blocks that end before loud sounds; where three
-        /// blocks fit, short ones are more likely. Blocks are joined where the recording
-        /// has similar levels, and rarely where it is loud above 8 kHz: each is about as frequent as any, and of those that match equally well, one that was
-        /// chosen in the last half of a round of all blocks is 50 times less likely.
+        /// Longest stretch of a recording that is repeated unchanged, if there is another choice; None for no limit. Stretches that end for this
+        /// reason have random lengths: from a quarter of it, or from a block where two fit and the recording has blocks that end before loud sounds;
+        /// where three blocks fit, short ones are more likely. Blocks are joined where the recording has similar levels, and rarely where it is loud
+        /// above 8 kHz. Each block is about as frequent as any: of those that match equally well, one that was chosen in the last half of a round of
+        /// all blocks is 50 times less likely.
         max_run: Option<f64> = Some(1.0), unit "s", range 0.001..=3600.0;
-        /// Probability that a node remains a candidate, for each time that it was chosen within `memory`, while there are others; 1 for no preference.
+        /// Probability that a node remains a candidate, for each choice of it within `memory`, if there are others; 1 for no preference.
         repetition: f64 = 1.0, unit "", range 0.0..=1.0;
-        /// How long a choice counts for `repetition`.
+        /// Duration for which a choice counts for `repetition`.
         memory: f64 = 2.0, unit "s", range 0.0..=60.0;
         /// Time by which a wanted sound is prepared by what precedes it in its recording; None for the shorter of 1 s and 5 % of the duration.
         look_ahead: Option<f64> = None, unit "s", range 0.0..=60.0;
-        /// How a weight between -1 and 1 acts.
+        /// Effect of a weight between -1 and 1.
         bias: WeightBias = WeightBias::Probability;
-        /// What is heard where targets of two sounds overlap, both with positive weights. Mixed, both are made by the same random numbers, and the
-        /// shares are those of the weights; with weights whose sum is 1, nothing else is heard. Coarse coefficients are mixed where one sound follows
-        /// another, too.
+        /// Sound where targets of two sounds overlap, both with positive weights. Mixed, both are made by the same random numbers, and the
+        /// shares are those of the weights; with weights whose sum is 1, nothing else is heard. Coarse coefficients are also mixed where one
+        /// sound follows another.
         overlap: OverlapMode = OverlapMode::Winner;
-        /// Share of the match of other nodes that a wanted node must reach, and the other way round; 0 for no such rule.
+        /// Minimum match of a wanted node, as a share of that of other nodes, and of other nodes as a share of that of a wanted node; 0 for no limit.
         quality: f64 = 0.7, unit "", range 0.0..=1.0;
         /// Greatest number of equal candidates that are compared.
         candidates: usize = 4096, unit "", range 1..=16_777_216;
@@ -97,19 +97,19 @@ ports! {
             model: Value<TextureModel>,
             /// The sounds that are wanted, or not.
             score: Option<Value<SoundScore>>,
-            /// Weights of the first sounds of the score, from -1 to 1; what is not finite is 0.
+            /// Weights of the first sounds of the score, from -1 to 1; weights that are not finite count as 0.
             weights: Option<Stream<f32>>,
         }
         out {
             /// The sound.
             audio: Stream<f32>,
-            /// Where the samples come from, an item for two of them.
+            /// Positions in recordings that the samples come from, an item for two samples.
             positions: Stream<SourcePositions>,
         }
     }
 }
 
-/// Longest look-ahead that is taken by default, s, and its share of the duration.
+/// Longest default look-ahead, s, and its share of the duration.
 const LOOK_AHEAD: (f64, f64) = (1.0, 0.05);
 
 impl TextureSynthesisParams {
@@ -149,7 +149,7 @@ pub struct TextureSynthesis {
     warnings: Summary,
 }
 
-/// A hard inclusion that is so many times as long as its sounds repeats them audibly.
+/// Ratio of the duration of a hard inclusion to that of its sounds at which repetition is audible.
 const MAX_RATIO: f64 = 4.0;
 
 /// Warnings about targets that are long for their sounds.
@@ -187,8 +187,10 @@ impl Node for TextureSynthesis {
     fn shape(p: &TextureSynthesisParams, s: &mut Shape<'_, '_, TextureSynthesisPorts>) -> Result<(), Reject> {
         if let Some(weights) = s.optional(TextureSynthesisPorts::weights) {
             if !s.linked(TextureSynthesisPorts::score) {
-                let reject =
-                    Reject::new("F156", "there are weights, and no score that states what they weigh");
+                let reject = Reject::new(
+                    "F156",
+                    "there are weights, but no score with the sounds to which they apply",
+                );
                 return Err(reject
                     .at("weights")
                     .help("link a score with sounds, with or without targets, to `score`"));

@@ -17,11 +17,11 @@ use crate::{params, ports};
 use std::sync::Arc;
 
 params! {
-    /// Shows one step of the synthesis of a texture: how the children of a node of the output are chosen.
+    /// Shows one step of the synthesis of a texture: the choice of the children of a node of the output.
     ///
-    /// `table` has a row for each node that counts: in the output the node, its ancestors, predecessors and children; in the recordings the candidates
-    /// that match most ancestors, of these those that match most predecessors, the one that was drawn with its ancestors and predecessors, and its
-    /// children, which become those of the node. Tapped as SVG it draws both trees over time.
+    /// `table` has a row for each node that is involved. In the output these are the node, its ancestors, predecessors and children. In the
+    /// recordings they are the candidates that match most ancestors, those of them that match most predecessors, and the one that was drawn with
+    /// its ancestors, predecessors and children, which become those of the node. Tapped as SVG it draws both trees over time.
     ///
     /// # Randomness
     /// As in `TextureSynthesis` without a score.

@@ -18,7 +18,7 @@ pub struct Waveform {
 }
 
 impl Waveform {
-    /// The waveform of so many samples, still empty.
+    /// Creates the empty waveform of `samples` samples.
     pub fn new(samples: usize) -> Self {
         let stride = samples.div_ceil(COLUMNS).max(1);
         Self { stride, extremes: Vec::with_capacity(samples.div_ceil(stride)), count: 0 }
@@ -29,7 +29,7 @@ impl Waveform {
         self.extremes.is_empty()
     }
 
-    /// Adds samples; what exceeds the length is left out, and what is not finite is 0.
+    /// Adds samples; samples beyond the length are left out, and those that are not finite count as 0.
     pub fn add(&mut self, samples: impl Iterator<Item = f32>) {
         for x in samples.map(|x| if x.is_finite() { x } else { 0.0 }) {
             let column = self.count / self.stride;

@@ -15,9 +15,9 @@ const EDGE: usize = 4;
 /// The number of frames of a root, unless they have too few coefficients.
 const FRAMES: usize = 32;
 
-/// Joins are heard by what is above this frequency, Hz.
+/// Frequency above which joins are audible, Hz.
 const HIGH: f64 = 8000.0;
-/// The duration before or after a join that is heard with it, s.
+/// Duration before or after a join that is heard as part of it, s.
 const AROUND: f64 = 0.0025;
 /// The share of the frames above [`HIGH`] that are not loud.
 const SOFT: f64 = 0.9;
@@ -25,10 +25,10 @@ const SOFT: f64 = 0.9;
 /// The greatest number of classes of borders of a kind, and the least number of borders in each.
 const CLASSES: usize = 4;
 const MEMBERS: usize = 8;
-/// The least number of borders before loud ones at which stretches end instead.
+/// The minimum number of borders before loud ones at which stretches can end instead.
 const BEFORE: usize = 4;
 
-/// What a border of two roots is like above 8 kHz.
+/// Kind of a border of two roots, by its level above 8 kHz.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BorderKind {
     /// Neither of the others.
@@ -43,7 +43,7 @@ pub enum BorderKind {
 /// The class of a border of two roots. What is joined at borders of the same class has about the same level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Border {
-    /// What it is like.
+    /// Its kind.
     pub kind: BorderKind,
     /// By mean level over octaves, equal shares of the borders of this kind of a recording, the softest first.
     pub class: u8,
@@ -57,15 +57,15 @@ pub struct Envelopes {
     bands: usize,
     /// In dB, by root and band.
     levels: Vec<f32>,
-    /// Of the first and of the last edge, in dB, by root and band.
+    /// Levels of the first and of the last edge, in dB, by root and band.
     edges: Vec<[f32; 2]>,
-    /// Of the loudest frame, in dB, by band.
+    /// Level of the loudest frame, in dB, by band.
     loudest: Vec<f32>,
     /// The median of the mean-square differences of consecutive roots, dB².
     change: f64,
     /// By root, the classes of the borders at its beginning and at its end.
     borders: Vec<[Border; 2]>,
-    /// By recording, whether it has borders before loud ones.
+    /// By recording, true if it has borders before loud ones.
     avoids: Vec<bool>,
 }
 
@@ -126,7 +126,7 @@ impl Envelopes {
         self.borders.get(root as usize).copied().unwrap_or_default()
     }
 
-    /// True if stretches of a recording end before loud borders: if it has enough borders for that.
+    /// True if stretches of a recording end before loud borders, of which it has enough.
     #[must_use]
     pub fn avoids_loud_borders(&self, source: usize) -> bool {
         self.avoids.get(source).copied().unwrap_or(false)

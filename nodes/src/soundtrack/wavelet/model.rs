@@ -12,14 +12,14 @@ choices! {
     /// The coefficients that thresholds are taken from.
     #[derive(Serialize, Deserialize)]
     pub enum ThresholdScale {
-        /// Those of all levels: one threshold.
+        /// All coefficients: one threshold.
         Global,
-        /// Those of each level: a threshold for each.
+        /// The coefficients of each level: a threshold for each.
         PerLevel,
     }
 }
 
-/// How thresholds are found.
+/// Rules by which thresholds are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThresholdRules {
     /// Share of the coefficients below half of the threshold.
@@ -57,7 +57,7 @@ pub struct TextureModel {
     pub envelopes: Envelopes,
 }
 
-/// What a file contains.
+/// Content of a file.
 #[derive(Serialize, Deserialize)]
 struct Stored {
     tree: WaveletTree,
@@ -158,8 +158,8 @@ impl TextureModel {
         Self { envelopes: Envelopes::new(&tree), tree, thresholds, order, redundant }
     }
 
-    /// True if a node and all below it are 0, and the next node and all below that too: of digital silence, the last node stands for all. What is
-    /// below a redundant node is redundant.
+    /// True if a node and all below it are 0, and the next node and all below that too: the last node represents all of a digital silence. Nodes
+    /// below a redundant node are redundant.
     #[must_use]
     pub fn is_redundant(&self, level: usize, node: u32) -> bool {
         self.redundant.get(level).is_some_and(|nodes| nodes.get(node as usize).copied().unwrap_or(false))

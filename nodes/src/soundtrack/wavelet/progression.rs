@@ -4,7 +4,7 @@ use crate::friction::builder::psd::{AnalysisWindow, Periodogram, centroid};
 
 /// Length of a frame, s.
 const FRAME: f64 = 0.25;
-/// Share of the variance that a straight line explains from which on there is a progression.
+/// Minimum share of the variance that a straight line explains if there is a progression.
 const EXPLAINED: f64 = 0.5;
 /// Least number of frames for a trend.
 const MIN_FRAMES: usize = 6;

@@ -81,7 +81,7 @@ impl<T: FftNum> FilterBank<T> {
         (low, high)
     }
 
-    /// As [`Self::analyse`], into zeros of half the length of `x`. It goes block by block, so that all but `x` and the result stays in the cache.
+    /// As [`Self::analyse`], into zeros of half the length of `x`. It works block by block, so that all but `x` and the result stays in the cache.
     fn analyse_into(&self, x: &[T], [low, high]: [&mut [T]; 2]) {
         let n = x.len() / 2;
         let pad = self.analysis[0][0].taps.len() + 1;
@@ -194,7 +194,7 @@ pub struct Coefficients<T> {
 /// Periodic transform over `depth` levels.
 ///
 /// # Shapes
-/// The length of `x` is a multiple of `2^depth`; what is beyond is left out.
+/// The length of `x` is a multiple of `2^depth`; samples beyond are left out.
 ///
 /// # Complexity
 /// Linear.
@@ -241,7 +241,7 @@ pub fn inverse<T: FftNum>(wavelet: Wavelet, coefficients: &Coefficients<T>) -> V
     x
 }
 
-/// The inverse transform of a tree that grows root by root, without wrap: what precedes it is silence.
+/// The inverse transform of a tree that grows root by root, without wrap; silence precedes it.
 ///
 /// After root `n` the samples of the roots up to `n - R` are complete, with `R` the [reach](Wavelet::reach) of the wavelet.
 ///

@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 choices! {
-    /// How a recording becomes a whole number of spans of the coarsest level.
+    /// Method by which a recording becomes a whole number of spans of the coarsest level.
     #[derive(Serialize, Deserialize)]
     pub enum TreeFit {
-        /// Its end is faded into its beginning: its last node precedes its first.
+        /// Its end is faded into its beginning, so that its last node precedes its first.
         Circular,
         /// It is continued by its mirror image, which is never chosen.
         PadReflect,
@@ -24,11 +24,11 @@ choices! {
 
 /// The least number of samples of a recording.
 pub const MIN_SAMPLES: usize = 16;
-/// Number of roots from which on those at the ends of a recording without wrap are never chosen.
+/// Minimum number of roots at which those at the ends of a recording without wrap are never chosen.
 const MANY_ROOTS: u32 = 16;
 /// Coefficients below this share of the peak are rounding errors of zeros.
 const ZERO: f64 = 1e-10;
-/// Longest span of a root, s: what is shorter can be copied as a whole.
+/// Longest span of a root, s: shorter events can be copied as a whole.
 const BLOCK: f64 = 0.5;
 
 /// The reason why a recording has no tree.
@@ -87,14 +87,14 @@ pub struct TreeSource {
     pub wraps: bool,
 }
 
-/// How a tree is made.
+/// Rules by which a tree is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TreeRules {
     /// The wavelet.
     pub wavelet: Wavelet,
     /// Longest span of a root, s; `None` for the shorter of 0.5 s and an eighth of the shortest recording.
     pub block: Option<f64>,
-    /// How recordings become whole numbers of spans.
+    /// Method by which recordings become whole numbers of spans.
     pub fit: TreeFit,
     /// Length of the fade of `Circular`, s.
     pub crossfade: f64,
@@ -272,7 +272,7 @@ impl WaveletTree {
         self.sources.partition_point(|s| s.first <= root).saturating_sub(1)
     }
 
-    /// True if a node is never chosen: it is of padding, or of an end that the transform mixes with the other end.
+    /// True if a node is never chosen: it is padding, or part of an end that the transform mixes with the other end.
     #[must_use]
     pub fn is_masked(&self, level: usize, node: u32) -> bool {
         let Some(source) = self.sources.get(self.source_of(node >> level)) else { return true };

@@ -35,7 +35,7 @@ params! {
         wavelet: Wavelet = Wavelet::Db5;
         /// Longest time that a root covers; None for the shorter of 0.5 s and an eighth of the shortest recording.
         block: Option<f64> = None, unit "s", range 0.0001..=60.0;
-        /// How a recording becomes a whole number of blocks.
+        /// Method by which a recording becomes a whole number of blocks.
         fit: TreeFit = TreeFit::Circular;
         /// Length of the fade from the end to the beginning with `fit: Circular`.
         crossfade: f64 = 0.02, unit "s", range 0.0..=1.0;
@@ -115,7 +115,7 @@ impl Func for WaveletTreeNode {
             let channels = with_channels(all, wanted);
             if let Some(what) = channels.first().and_then(|x| progression(x, p.rate.as_f64())) {
                 let text = format!(
-                    "{path:?}: {what} over the recording: a sound that progresses does not survive being put together anew"
+                    "{path:?}: {what} over the recording: a sound that progresses loses this order when it is resynthesised"
                 );
                 warnings.push(("warning", text.into()));
             }

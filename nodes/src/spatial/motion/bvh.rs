@@ -23,7 +23,7 @@ const RATE_TOLERANCE: f64 = 5e-4;
 pub struct BvhError {
     /// Line of the file, from 1.
     pub line: u64,
-    /// What was found, and what would be right.
+    /// The value found, and what is needed.
     pub message: String,
 }
 

@@ -96,7 +96,7 @@ fn poses(motion: &ObjectMotion, up: UpAxis, unit: f64) -> Result<Vec<Pose>, usiz
 struct ObjectTrack {
     poses: PoseTrack,
     rate: Rate,
-    /// How the times of the file and the rate differ.
+    /// Description of the difference between the times of the file and the rate.
     difference: Option<String>,
     /// `None` if the stream never ends.
     items: Option<i64>,

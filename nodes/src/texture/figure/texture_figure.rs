@@ -12,7 +12,7 @@ use crate::texture::maps::{DiscontinuityMap, FeatureMap, Luma, NoiseMap};
 use crate::{params, ports};
 
 params! {
-    /// Draws an image and what is made of it beside each other: `--tap NODE=figure.svg`.
+    /// Draws an image and the maps made of it beside each other: `--tap NODE=figure.svg`.
     ///
     /// The panels are those of the linked inputs, in their order. `class` beside the image is figure 2 of the paper, `curves` and `map`
     /// beside it are figure 4, `features` and `noise` beside it figure 5.

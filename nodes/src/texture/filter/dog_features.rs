@@ -75,7 +75,7 @@ impl Func for DogFeatures {
         let mut summary: Summary = vec![("share", share.into())];
         if brightest <= 1.5 {
             let text = format!(
-                "the brightest pixel has a luminance of {brightest:.2} of 100: no feature can stand out"
+                "the brightest pixel has a luminance of {brightest:.2} of 100, which is too dark for features"
             );
             summary.push(("warning", text.into()));
         } else if share == 0.0 {

@@ -14,7 +14,7 @@ use std::io::Cursor;
 /// Reads the header of an image.
 ///
 /// # Errors
-/// As [`decode`], as far as the header shows them.
+/// As [`decode`], for errors that the header shows.
 pub fn header(bytes: &[u8]) -> Result<Header, ImageError> {
     let format = format(bytes)?;
     let damaged = |reason: String| ImageError::Damaged { format, reason };

@@ -82,8 +82,8 @@ fn wrong(path: &str, e: &ImageError) -> Reject {
     Reject::new(e.code(), format!("{path:?}: {e}")).at("path")
 }
 
-/// What is not heard of an image of one tone, or of one line.
-fn even(grid: &Grid) -> Option<String> {
+/// Note on an image of one tone, or of one line, along which some or all motion is silent.
+fn uniformity_warning(grid: &Grid) -> Option<String> {
     let tones =
         grid.samples.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], x| [a.min(*x), b.max(*x)]);
     if tones[0] >= tones[1] {
@@ -122,7 +122,7 @@ impl Func for ImageLuma {
             ("holes", luma.holes.iter().filter(|hole| **hole).count().into()),
             ("highest_hz_at_1_m_s", (0.5 * density[0].min(density[1])).into()),
         ];
-        summary.extend(even(&luma.grid).map(|text| ("warning", text.into())));
+        summary.extend(uniformity_warning(&luma.grid).map(|text| ("warning", text.into())));
         let blocks = blockiness(&luma.grid);
         if blocks > MAX_BLOCKINESS {
             let text = format!(

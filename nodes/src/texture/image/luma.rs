@@ -82,7 +82,7 @@ impl Luma {
     /// Converts an image to luminance. `invert` inverts it, for images with bright grooves.
     ///
     /// # Errors
-    /// An image of which every pixel is a hole.
+    /// An image whose every pixel is a hole.
     ///
     /// # Complexity
     /// `O(pixels)`.
@@ -102,7 +102,7 @@ impl Luma {
 /// Holes have luminance 0. `invert` inverts the luminance, for images with bright grooves.
 ///
 /// # Errors
-/// An image of which every pixel is a hole.
+/// An image whose every pixel is a hole.
 ///
 /// # Complexity
 /// `O(pixels)`.

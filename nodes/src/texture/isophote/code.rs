@@ -191,7 +191,7 @@ fn periods_between(first: [i64; 2], last: [i64; 2], all: &Isophotes) -> [i64; 2]
 /// # Errors
 /// A message with the defect.
 pub fn decode_isophotes(bytes: &[u8]) -> Result<Isophotes, String> {
-    let rest = bytes.strip_prefix(MAGIC).ok_or("these are no isophotes: they do not begin with `fISO`")?;
+    let rest = bytes.strip_prefix(MAGIC).ok_or("these are not isophotes: they do not begin with `fISO`")?;
     let mut from = Reader::new(rest);
     let version = from.bits(8).ok_or("it ends in its first bytes")?;
     let octave_steps = match version {

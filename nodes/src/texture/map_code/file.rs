@@ -59,7 +59,7 @@ pub fn encode_map(map: &CodedMap) -> Vec<u8> {
 /// # Errors
 /// A message with the defect.
 pub fn decode_map(bytes: &[u8]) -> Result<CodedMap, String> {
-    let rest = bytes.strip_prefix(MAGIC).ok_or("this is no coded map: it does not begin with `fMAP`")?;
+    let rest = bytes.strip_prefix(MAGIC).ok_or("this is not a coded map: it does not begin with `fMAP`")?;
     match rest.first() {
         Some(&VERSION) => {}
         Some(version) => return Err(format!("version {version}; this foley reads version {VERSION}")),

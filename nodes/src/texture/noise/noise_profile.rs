@@ -45,7 +45,7 @@ params! {
     /// An image has no wavelengths below two pixels. `extend` continues the spectrum above that with the slope of its upper two
     /// octaves, until one sample of the profile is at most one sample of audio at `v_max`; it adds at most a quarter of the variance.
     ///
-    /// A map of the image lacks the same wavelengths: `part: Detail` is what to add to it.
+    /// A map of the image lacks the same wavelengths: `part: Detail` is the part to add to it.
     ///
     /// A tap as `.bin` writes the profile without its detail, as 16-bit floats, for `NoiseProfileFile`, which adds the same detail again; a
     /// tap as SVG draws it.

@@ -34,7 +34,8 @@ pub fn encode_profile(profile: &NoiseProfile) -> Vec<u8> {
 /// # Errors
 /// A message with the defect.
 pub fn decode_profile(bytes: &[u8]) -> Result<NoiseProfile, String> {
-    let rest = bytes.strip_prefix(MAGIC).ok_or("this is no noise profile: it does not begin with `fNOI`")?;
+    let rest =
+        bytes.strip_prefix(MAGIC).ok_or("this is not a noise profile: it does not begin with `fNOI`")?;
     let (header, code) = rest.split_first_chunk::<26>().ok_or("it ends in its header")?;
     if header[0] != VERSION {
         return Err(format!("version {}; this foley reads version {VERSION}", header[0]));

@@ -1,4 +1,4 @@
-//! Units put one after the other, joined where the sound crosses zero.
+//! Units played one after the other, joined where the sound crosses zero.
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
@@ -11,7 +11,7 @@ use crate::unit::UnitDatabase;
 pub enum Blend {
     /// Their powers add up to one: for unrelated sounds.
     EqualPower,
-    /// Their amplitudes add up to one: for sounds that are alike.
+    /// Their amplitudes add up to one: for similar sounds.
     Linear,
     /// Both at full level, from zero crossing to zero crossing, as in the paper; 3 dB too loud where they overlap, and
     /// 2.4 dB in the millisecond to either side of a join.

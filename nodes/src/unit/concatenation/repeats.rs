@@ -1,4 +1,4 @@
-//! Stretches of picks that were played shortly before, counted as they come.
+//! Stretches of picks that were played shortly before, counted one by one.
 
 use std::collections::VecDeque;
 
@@ -20,7 +20,7 @@ pub(super) struct RepeatCounter {
     frame: usize,
     /// The last picks, the latest first.
     last: VecDeque<u32>,
-    /// For each lag, the number of picks in sequence that equal those so many picks before.
+    /// For each lag, the number of consecutive picks that equal those of that many picks before.
     runs: Vec<u32>,
     /// Picks since the last that was counted.
     uncounted: usize,
@@ -43,7 +43,7 @@ impl RepeatCounter {
         }
     }
 
-    /// Adds the next pick; `None` where nothing is played, across which nothing repeats.
+    /// Adds the next pick; `None` where nothing is played, which interrupts a repeat.
     pub fn add(&mut self, unit: Option<u32>) {
         let Some(unit) = unit else {
             self.last.clear();

@@ -16,7 +16,7 @@ use crate::{archive_state, choices, params, ports};
 choices! { @param Blend {
     /// Powers add up to one: for unrelated sounds.
     EqualPower,
-    /// Amplitudes add up to one: for sounds that are alike.
+    /// Amplitudes add up to one: for similar sounds.
     Linear,
     /// Both at full level, as the paper can be read: 3 dB too loud where they overlap.
     Add,
@@ -70,7 +70,7 @@ pub struct UnitConcatenator {
     length: Option<i64>,
     /// True if the target ends within its first unit, which is then dropped.
     short: bool,
-    /// The unit whose joins are known, and they per channel.
+    /// The unit whose joins are known, and its joins per channel.
     known: Option<i64>,
     joins: Vec<[Join; 2]>,
     /// Repeats of each channel of the picks.
@@ -210,7 +210,7 @@ impl Node for UnitConcatenator {
         ];
         if share > MAX_REPEATS {
             let text = format!(
-                "{:.0} % of the sound was played, in the same order, in the {MEMORY} s before, which is heard as a pattern: give more \
+                "{:.0} % of the sound was played, in the same order, in the {MEMORY} s before, which is audible as a pattern: give more \
                  recordings, set `loop_guard: {MEMORY}` of the selector, or lower the `switch_cost` of a global one",
                 100.0 * share
             );

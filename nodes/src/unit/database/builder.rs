@@ -34,7 +34,7 @@ impl Take<'_> {
     }
 }
 
-/// Copies of all recordings at other speeds and levels, of which each adds to the units of the recordings themselves.
+/// Copies of all recordings at other speeds and levels. Their units are added to those of the recordings themselves.
 ///
 /// With s speeds and g gains a database has (s + 1) (g + 1) times as many units. A change of speed changes the pitch by the same factor, as on tape.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -159,7 +159,7 @@ pub fn build(
 /// The level of the floor does not depend on the copies.
 ///
 /// # Errors
-/// Those of [`build`], and speeds that cannot be reached.
+/// As [`build`], and for speeds that cannot be reached.
 pub fn build_augmented(
     takes: &[Take<'_>],
     c: &FeatureConventions,

@@ -27,10 +27,10 @@ impl UnitDatabase {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         let head = MARK.len() + 4 + 2 * 32;
         let (Some(signature), Some(rest)) = (bytes.get(..MARK.len()), bytes.get(head..)) else {
-            return Err("this is no unit database: it is too short".into());
+            return Err("this is not a unit database: it is too short".into());
         };
         if signature != MARK {
-            return Err("this is no unit database".into());
+            return Err("this is not a unit database".into());
         }
         let mut version = [0; 4];
         version.copy_from_slice(&bytes[MARK.len()..MARK.len() + 4]);
@@ -41,7 +41,7 @@ impl UnitDatabase {
         let (conventions, fields) = bytes[MARK.len() + 4..head].split_at(32);
         if fields != blake3::hash(rest).as_bytes() {
             return Err(
-                "the unit database is damaged or was changed: what it holds has another hash; write it again"
+                "the unit database is damaged or was changed: its content has another hash; write it again"
                     .into(),
             );
         }

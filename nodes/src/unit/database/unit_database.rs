@@ -31,7 +31,7 @@ feature_params! {
     ///
     /// `takes` of a `TakeCutter` are added after the `recordings`, each take as a segment.
     ///
-    /// The features must be computed as those of the target: set the same parameters on `Mfcc` and `TemporalGaussian`.
+    /// The features must have the same parameters as those of the target: set them on `Mfcc` and `TemporalGaussian`.
     ///
     /// # Source
     /// An, James and Marschner, "Motion-driven Concatenative Synthesis of Cloth Sounds" (SIGGRAPH 2012), sections 4.1 and 4.2.

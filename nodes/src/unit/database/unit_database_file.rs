@@ -21,7 +21,7 @@ impl Artefact for UnitDatabase {
 }
 
 artefact_file! {
-    /// A unit database from a file, as a tap of `UnitDatabase` wrote it: `--tap database=cotton.bin`.
+    /// A unit database from a file that a tap of `UnitDatabase` wrote: `--tap database=cotton.bin`.
     ///
     /// It holds the audio, the features and their conventions, so that the recordings are not needed. A file of another version
     /// or with damage is an error.

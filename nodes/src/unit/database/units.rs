@@ -42,7 +42,7 @@ pub struct Segment {
     pub channel: u32,
     /// Sample of the recording, at the database's rate, where it begins.
     pub offset: u64,
-    /// Speed and level; other than those of the recording in an augmented database.
+    /// Speed and level; different from those of the recording in an augmented database.
     pub variant: Variant,
 }
 

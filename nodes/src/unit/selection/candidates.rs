@@ -53,7 +53,7 @@ pub(crate) fn comparable(
     Ok(())
 }
 
-/// The units of a valid database that was made as the features were.
+/// The units of a valid database whose features have the same conventions.
 pub(crate) fn units<'a>(
     format: &FeatureFormat,
     db: &'a UnitDatabase,
@@ -75,8 +75,8 @@ pub(super) fn few_units_warning(units: &Units<'_>, look: usize, cool_off: usize)
     let found = units.different(whole);
     (cool_off > 0 && found <= cool_off).then(|| {
         format!(
-            "{found} units can be chosen, and each is kept from coming again for {cool_off} (`cool_off`), so that they only take \
-             turns: give longer recordings, or lower `cool_off`"
+            "{found} units can be chosen, and each is excluded for {cool_off} units after its use (`cool_off`), so that they play in \
+             turn: give longer recordings, or lower `cool_off`"
         )
     })
 }

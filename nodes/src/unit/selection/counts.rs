@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::picks::Pick;
 use crate::core::node::Summary;
 
-/// Share of units without a near enough match from which on it is reported.
+/// Minimum share of units without a near enough match that is reported.
 const MAX_FALLBACK_SHARE: f64 = 0.2;
 
 /// Counts of the picks of a channel.
@@ -21,7 +21,7 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// The pick if nothing is chosen: the last unit, inaudible.
+    /// The pick where nothing is chosen: the last unit, inaudible.
     pub fn inactive_pick(&self) -> Pick {
         Pick { unit: self.last.unwrap_or(0), asleep: true, ..Pick::default() }
     }
@@ -53,8 +53,8 @@ impl Counts {
         ];
         if fallbacks > MAX_FALLBACK_SHARE {
             let text = format!(
-                "for {:.0} % of the units nothing in the database is within `d_max` {d_max}: add recordings of what is missing, \
-                 mark correspondences or others, or raise `d_max` (SelectionReport lists them)",
+                "{:.0} % of the units have no unit of the database within `d_max` {d_max}: add recordings of the missing sounds, mark \
+                 correspondences or change them, or raise `d_max` (SelectionReport lists these units)",
                 100.0 * fallbacks
             );
             summary.push(("warning", text.into()));

@@ -28,7 +28,7 @@ choices! {
     pub enum Method {
         /// The best path of all, where every jump costs the same.
         Exact,
-        /// The best path among candidates, where a join also costs its audible differences.
+        /// The best path among candidates, where a join also costs for its audible differences.
         Beam,
         /// The choices of `OnlineUnitSelector`; the summary states how often they differ from the best path.
         FixedLag,
@@ -36,13 +36,13 @@ choices! {
 }
 
 params! {
-    /// Chooses the sequence of units of a database that sounds and continues most like a target.
+    /// Chooses the sequence of units of a database that is most similar to a target in sound and continuity.
     ///
     /// A path costs the distance of each unit from the target, and `switch_cost` for each unit that does not follow the one
     /// before it in its recording. `UnitSelector` looks a few units ahead; this node finds the cheapest path for the entire target.
     /// It reads all features first, so the target has to end, and it does not run live. Units beyond `d_max` are marked as
-    /// fallbacks. `cool_off` and `loop_guard` are no part of the search: units that recur too early get a surcharge and are
-    /// searched again in at most 20 rounds, then replaced. The summary states the cost of the path, and the cost without both. Every channel
+    /// fallbacks. `cool_off` and `loop_guard` are not part of the search: units that recur too early get a surcharge and are
+    /// searched again in at most 20 rounds, then replaced. The summary states the cost of the path, and the cost without the two. Every channel
     /// chooses independently. With the sound of the target at `target`, silence is skipped as in `UnitSelector`.
     ///
     /// # Source
@@ -56,7 +56,7 @@ params! {
         [group] cost: PathCostParams;
         /// Number of nearest units that are tried for each target (`Beam`).
         candidates: usize = 64, unit "units", range 1..=1024_usize;
-        /// Cost of a feature distance of 1 at a join, between the unit that would follow and the one that does (`Beam`).
+        /// Cost of a feature distance of 1 at a join, between the unit that would follow and the one that follows (`Beam`).
         feature_cost: f64 = 0.3, unit "", range 0.0..=1000.0;
         /// Cost of a step of level by a factor of e at a join (`Beam`).
         level_cost: f64 = 0.2, unit "", range 0.0..=1000.0;
@@ -101,7 +101,7 @@ pub struct GlobalUnitSelector {
     /// Gates that close where the target is silent.
     gates: Option<ChannelGates>,
     length: i64,
-    /// The first unit of the target that it has seen, once it has.
+    /// The first unit of the target that was received, once there is one.
     first: Option<i64>,
     /// The choices for the whole take, channel after channel for each unit.
     picks: Vec<Pick>,

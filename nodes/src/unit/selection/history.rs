@@ -19,7 +19,7 @@ pub(super) struct History {
     now: u64,
     /// The last picks, the latest first.
     pub picks: VecDeque<u32>,
-    /// What units that would repeat the last picks count as.
+    /// The units, as counted by `same`, that would repeat the last picks.
     pub guarded: Vec<u32>,
     cool_off: u64,
     loop_guard: usize,

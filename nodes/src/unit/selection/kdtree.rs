@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-5;
 /// A k-d tree over labelled points.
 ///
 /// Distances are compared in single precision and with a margin: a search finds every point within a distance, and may find others that are
-/// beyond it by 2e-5 of it, or by the rounding of the coordinates. Who needs to know computes the distance of a point that was found.
+/// beyond it by 2e-5 of it, or by the rounding of the coordinates. Callers that need the exact distance of a found point compute it.
 ///
 /// # Complexity
 /// Built in O(m log² m); on data of few dimensions a search takes O(log m) and the points that it finds. Memory: `4 dims + 4` bytes for each
@@ -57,7 +57,7 @@ struct Node {
 #[derive(Clone, Debug, Default)]
 pub struct Search {
     stack: Vec<(f32, u32)>,
-    /// Nodes and points that may still be looked at; `None` for all.
+    /// Nodes and points that may still be examined; `None` for all.
     pub left: Option<usize>,
 }
 
@@ -126,7 +126,7 @@ impl KdTree {
 
     /// Visits all points within a distance of `query`, roughly nearest first, until the limit of `search` is used up.
     ///
-    /// `visit` gets a label, and returns the distance beyond which it needs no more points where that has changed.
+    /// `visit` receives a label, and returns the distance beyond which it needs no more points where that has changed.
     #[inline(always)]
     pub fn within<S: Simd>(
         &self,
@@ -172,9 +172,9 @@ impl KdTree {
         search.stack = stack;
     }
 
-    /// The least distance that `of` gives for a label, with the number that it gives: of equal distances the least number.
+    /// The least distance that `of` returns for a label, with the number that it returns: of equal distances the least number.
     ///
-    /// `of` gets the labels of points that can be the nearest; `None` passes over one.
+    /// `of` receives the labels of points that can be the nearest; `None` skips one.
     pub fn nearest(
         &self,
         level: Level,
@@ -193,7 +193,7 @@ impl KdTree {
         found
     }
 
-    /// Distance that the rounding of the coordinates to single precision may add or take.
+    /// Distance that the rounding of the coordinates to single precision may add or remove.
     #[inline(always)]
     fn rounding(&self, query: &[f32]) -> f64 {
         let extent = query.iter().fold(self.extent, |extent, x| extent.max(f64::from(x.abs())));
@@ -201,7 +201,7 @@ impl KdTree {
     }
 }
 
-/// The square of a distance and what rounding may add to it; negative where no distance is small enough.
+/// The square of a distance with the rounding error that may add to it; negative where no distance is small enough.
 #[inline(always)]
 fn square_with_margin(distance: f64, rounding: f64) -> f32 {
     if distance < 0.0 {
@@ -271,7 +271,7 @@ pub fn squared(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)) * (f64::from(*a) - f64::from(*b))).sum()
 }
 
-/// What the tree is built of.
+/// A tree under construction.
 struct Builder<'a> {
     tree: &'a mut KdTree,
     labels: &'a [u32],

@@ -45,7 +45,7 @@ pub struct Picks;
 pub struct PickFormat {
     /// Picks per unit of the target.
     pub channels: usize,
-    /// Conventions of the features that the picks were chosen by.
+    /// Conventions of the features from which the picks were chosen.
     pub conventions: Arc<FeatureConventions>,
 }
 

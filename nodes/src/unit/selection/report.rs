@@ -12,7 +12,7 @@ use crate::unit::UnitDatabase;
 
 /// Window over which fallbacks are counted, seconds.
 const WINDOW: f64 = 0.5;
-/// Share of fallbacks in a window from which on it is listed.
+/// Minimum share of fallbacks of a window that is listed.
 const POOR_SHARE: f64 = 0.2;
 
 /// One channel of a selection.
@@ -46,7 +46,7 @@ pub const REPORT_VERSION: u32 = 2;
 pub struct SelectionReport {
     /// [`REPORT_VERSION`].
     pub version: u32,
-    /// Digest of the conventions that the features were made by and of the units of the database.
+    /// Digest of the conventions of the features and of the units of the database.
     pub content: String,
     /// Units per second.
     pub rate: f64,

@@ -9,7 +9,7 @@ use crate::unit::database::UnitDatabase;
 pub struct SelectorParams {
     /// Number of units after the current one that are also compared.
     pub look: usize,
-    /// Maximum distance of a unit that sounds like the target.
+    /// Maximum distance of a unit that is similar to the target.
     pub d_max: f64,
     /// Number of targets for which a chosen unit is not chosen again.
     pub cool_off: usize,
@@ -47,7 +47,7 @@ pub struct Choice {
 pub struct NotFinite(pub u64);
 
 impl NotFinite {
-    /// Returns an error for a number that is not finite, and for no vector at all.
+    /// Returns an error for a number that is not finite, and for an empty list of vectors.
     pub(in crate::unit) fn check(window: &[f32], dims: usize) -> Result<(), Self> {
         match window.iter().position(|x| !x.is_finite()) {
             Some(at) => Err(Self((at / dims.max(1)) as u64)),

@@ -19,9 +19,9 @@ use crate::unit::UnitDatabase;
 use crate::{archive_state, params, ports};
 
 params! {
-    /// Chooses, for each unit of a target, the unit of a database that sounds and continues most like it.
+    /// Chooses, for each unit of a target, the unit of a database that is most similar to it in sound and continuity.
     ///
-    /// Of all units within `d_max` it takes the one with the least sum of distances over itself and the next `look` units.
+    /// Among all units within `d_max` it takes the one with the least sum of distances over itself and the next `look` units.
     /// If there is none, it takes the nearest unit and marks it as a fallback. The summary states their share: more than a few
     /// mean that the database lacks sounds of the target. The search is exact and needs no table of distances. Of equally good
     /// units it prefers the one that follows the last pick.
@@ -42,7 +42,7 @@ params! {
     pub struct UnitSelectorParams {
         /// Number of units after the current one that are also compared.
         look: usize = 5, unit "units", range 0..=1000_usize;
-        /// Greatest distance of features that sound alike; with the default features 2.0 is 5 dB.
+        /// Greatest distance of the features of similar sounds; with the default features 2.0 is 5 dB.
         d_max: f64 = 2.0, unit "", range 0.0..=1_000_000.0;
         /// Number of targets for which a chosen unit is not chosen again.
         cool_off: usize = 20, unit "units", range 0..=1_000_000_usize;

@@ -18,7 +18,7 @@ pub enum Pairing {
     InOrder,
     /// One pair: the mean of each side.
     Centroid,
-    /// By dynamic time warping of their features, so that a gesture that speeds up meets one that does not.
+    /// By dynamic time warping of their features, for gestures of different speed.
     Dtw,
 }
 
@@ -88,7 +88,7 @@ pub fn whole_units(start: f64, length: f64) -> Range<usize> {
     from as usize..to as usize
 }
 
-/// A stretch of a segment in units from its start; the error is how it does not fit.
+/// A stretch of a segment in units from its start, or a description of the mismatch.
 fn within(segment: &Segment, start: f64, length: f64) -> Option<Range<usize>> {
     let units = whole_units(start, length);
     let fits = start >= -SLACK && units.end <= segment.units as usize;
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_do_not_fit_are_told_at_once() {
+    fn all_that_do_not_fit_are_reported_at_once() {
         let e = found(
             "(target: 1.95, database: 0, duration: 0.1),\n(target: 0, database: 0, duration: 0.1),\n\
              (label: \"far\", target: 0, database: 9, duration: 0.1),\n(target: 0, source: 7, database: 0, duration: 0.1)",

@@ -179,7 +179,7 @@ impl PairText {
 /// Reads correspondences.
 ///
 /// # Errors
-/// Says line and column, what was found and what would be right, of every correspondence that is wrong.
+/// Line, column, the value found and what is needed, for every correspondence that is invalid.
 ///
 /// # Example
 /// ```

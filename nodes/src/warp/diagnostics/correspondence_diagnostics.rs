@@ -27,7 +27,7 @@ const MARGIN: usize = 24;
 const MAX_SECONDS: f64 = 10.0;
 
 params! {
-    /// Leaves every correspondence out in turn and ranks them by how much the others improve without it.
+    /// Leaves every correspondence out in turn and ranks them by the improvement of the others without it.
     ///
     /// The score of a correspondence is how much better the remaining ones predict each other when it is gone: a bad one spoils its
     /// neighbours, so its own prediction error shows less. The largest score is the suspect; listen to its ranges, move
@@ -40,7 +40,7 @@ params! {
     /// correspondences, and as it would sound without the suspect.
     ///
     /// # Source
-    /// Wahba, "Spline Models for Observational Data" (1990), section 4.2, for predictions of what is left out.
+    /// Wahba, "Spline Models for Observational Data" (1990), section 4.2, for predictions of points that are left out.
     pub struct CorrespondenceDiagnosticsParams {
         /// Stiffness as in `TpsFit`; None finds one.
         lambda: Option<f64> = None, unit "", range 0.0..=1e12;
@@ -193,7 +193,8 @@ impl CorrespondenceDiagnostics {
 }
 
 fn not_finite(unit: crate::unit::NotFinite) -> Fault {
-    Fault::new("F111", format!("the warp leads unit {} of the target to no finite place", unit.0)).at("pairs")
+    Fault::new("F111", format!("the warp maps unit {} of the target to numbers that are not finite", unit.0))
+        .at("pairs")
 }
 
 impl Node for CorrespondenceDiagnostics {

@@ -88,7 +88,7 @@ impl Verdict {
     /// A recommendation.
     fn advice(&self) -> String {
         if self.score <= 0.0 {
-            "the others do no better without it".to_owned()
+            "without it the others fit no better".to_owned()
         } else if !self.conflicts.is_empty() {
             format!("it contradicts {:?}: keep one of them", self.conflicts)
         } else if self.ranges.is_empty() {
@@ -103,7 +103,7 @@ impl Verdict {
     fn text(&self, channel: usize, file: &str) -> String {
         let longest = self.ranges.iter().max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
         let target = longest.map_or(String::new(), |[from, to]| {
-            format!(", heard most from {from:.2} to {to:.2} s of {} ranges", self.ranges.len())
+            format!(", most audible from {from:.2} to {to:.2} s of {} ranges", self.ranges.len())
         });
         format!(
             "channel {channel}, {}. {:?} at {file}:{}: score {:.3}; without it fallbacks {:+.1} %, folds {:+.1} %{target}; {}",
@@ -119,7 +119,7 @@ impl Verdict {
 }
 
 impl Diagnosis {
-    /// The top three of each channel in words, with what to try.
+    /// The top three of each channel in words, with possible corrections.
     #[must_use]
     pub fn text(&self) -> Vec<String> {
         let lines = self.channels.iter().enumerate().flat_map(|(channel, found)| {

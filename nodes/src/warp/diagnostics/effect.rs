@@ -38,7 +38,7 @@ pub struct Baseline {
     choices: Vec<Choice>,
     picks: Vec<u32>,
     folds: f64,
-    /// Units that are looked at for folds.
+    /// Number of units that are examined for folds.
     surveyed: Vec<usize>,
     params: SelectorParams,
     selector: Box<dyn Selector>,
@@ -141,16 +141,16 @@ impl Baseline {
         units.map(choose).collect()
     }
 
-    /// The picks that still rest when unit `unit` is chosen for.
-    fn resting(&self, unit: usize) -> &[u32] {
+    /// The picks that are still in their cool-off when unit `unit` is chosen.
+    fn in_cool_off(&self, unit: usize) -> &[u32] {
         let from = unit.saturating_sub(self.params.cool_off.max(self.params.loop_guard + 4));
         self.picks.get(from..unit.min(self.picks.len())).unwrap_or_default()
     }
 
     /// Changes of the selection with each of other warps.
     ///
-    /// Every unit that a warp moves is chosen for again as if all units before it had been chosen as they were: what one change does
-    /// to all that follow by the rest of units is no sign of its own. Of very many, an even share is chosen for.
+    /// Every unit that a warp moves is chosen again after the original choices of all units before it: the effect of one change on all later
+    /// units through their cool-off is not counted. Of very many units, an even share is chosen again.
     ///
     /// # Errors
     /// Names a unit whose warped features are not finite.
@@ -194,7 +194,7 @@ impl Baseline {
         let mut selector = self.selector.boxed_clone();
         let (mut changed, mut fallbacks) = (Vec::new(), 0);
         for &unit in some {
-            selector.set_history(self.resting(unit));
+            selector.set_history(self.in_cool_off(unit));
             let window = self.window(warped, unit);
             let choice = selector.choose(window).map_err(|k| k.after(self.window_start(unit)))?;
             let Some(before) = self.choices.get(unit) else { continue };
@@ -212,7 +212,7 @@ impl Baseline {
     /// Names a unit whose warped features are not finite.
     pub fn picks_with(&self, rest: &Tps, interval: std::ops::Range<usize>) -> Result<Vec<u32>, NotFinite> {
         let warped = warped(&self.target, &[rest]).concat();
-        let before = self.resting(interval.start);
+        let before = self.in_cool_off(interval.start);
         let chosen = self.run(&warped, interval.start..interval.end.min(self.len()), before)?;
         Ok(chosen.into_iter().map(|choice| choice.unit).collect())
     }

@@ -1,7 +1,7 @@
 //! Leave-one-out residuals of correspondences.
 //!
 //! # Source
-//! Wahba, "Spline Models for Observational Data" (1990), section 4.2, for residuals of what is left out, here of whole blocks.
+//! Wahba, "Spline Models for Observational Data" (1990), section 4.2, for residuals of points that are left out, here of whole blocks.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -57,7 +57,7 @@ pub struct LeaveOut<'a> {
 }
 
 impl<'a> LeaveOut<'a> {
-    /// Takes the problem of all pairs, each with its correspondence, apart.
+    /// Factors the problem of all pairs, each with its correspondence.
     ///
     /// # Errors
     /// As [`fit`](crate::warp::fit()).

@@ -1,4 +1,4 @@
-//! Pairs as the nodes of a spline: centred, scaled, and merged where they start in one place.
+//! Pairs as the nodes of a spline: centred, scaled, and merged where they start at one point.
 
 use crate::warp::spline::Pair;
 use crate::warp::spline::linear::principal;
@@ -9,8 +9,8 @@ use fearless_simd::{Level, dispatch};
 const MERGE_DISTANCE: f64 = 1e-9;
 /// Spread relative to the widest below which a direction is ignored.
 ///
-/// Loudness spreads over some twenty units of feature space, and features of one sound differ by tenths: what is thinner than a
-/// hundredth of the widest is noise, and a slope fitted to it would throw everything beside the nodes anywhere.
+/// Loudness spreads over some twenty units of feature space, and features of one sound differ by tenths: a spread below a hundredth of
+/// the widest is noise, and a slope fitted to it would extrapolate arbitrarily beside the nodes.
 const MIN_SPREAD: f64 = 1e-2;
 
 /// Merged nodes in centred and scaled coordinates, `[n, d]` each.
@@ -38,7 +38,7 @@ fn spread_directions(points: &[f64], d: usize) -> Vec<Vec<f64>> {
 }
 
 impl Nodes {
-    /// Centred and scaled pairs; with `merge`, those that start in one place become one.
+    /// Centred and scaled pairs; with `merge`, pairs that start at one point become one.
     pub fn of(pairs: &[Pair], d: usize, merge: bool) -> Self {
         let n = pairs.len().max(1) as f64;
         let centre: Vec<f64> = (0..d).map(|i| pairs.iter().map(|p| p.from[i]).sum::<f64>() / n).collect();

@@ -1,4 +1,4 @@
-//! The linear algebra of a fit: taken apart once, solved for any stiffness, and for any nodes left out.
+//! The linear algebra of a fit: factored once, solved for any stiffness, and for any nodes left out.
 
 use super::nodes::Nodes;
 use super::report::{FitError, FitReport, MAX_NODES, Stiffness};

@@ -6,9 +6,9 @@ use crate::warp::spline::{Pair, Tps};
 
 /// Fits a warp of `d` dimensions to pairs: it minimises `sum weight |W(from) - to|^2 + lambda` times the bending energy.
 ///
-/// Pairs that start in one place (nearer than 1e-9 of the spread) become one node at their mean, which changes nothing for
+/// Pairs that start at one point (nearer than 1e-9 of the spread) become one node at their mean, which changes nothing for
 /// lambda above 0. Directions in which the nodes spread less than a hundredth of the widest are taken as noise: the nodes are
-/// put on the line or plane of the others, and the affine part leaves those directions alone. Without pairs the warp is
+/// put on the line or plane of the others, and the affine part leaves those directions unchanged. Without pairs the warp is
 /// the identity, with one pair a shift.
 ///
 /// # Errors

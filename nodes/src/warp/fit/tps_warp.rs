@@ -75,10 +75,10 @@ fn mismatch(warp: &Warp, db: &UnitDatabase) -> Option<String> {
     let known =
         then.len() == warp.recordings.len() && then.iter().chain(&now).all(|content| !content.is_empty());
     let same = if known { then == now } else { fitted == found };
-    let changed = if fitted == found { ", of which some hold other sound than they did" } else { "" };
+    let changed = if fitted == found { ", some with other contents than at the fit" } else { "" };
     (!warp.recordings.is_empty() && !same).then(|| {
         format!(
-            "`recordings` of the warp are {fitted:?}; the database has {found:?}{changed}: the warp leads elsewhere, fit it to these \
+            "`recordings` of the warp are {fitted:?}; the database has {found:?}{changed}: the warp does not apply, fit it to these \
              recordings (TpsFit)"
         )
     })

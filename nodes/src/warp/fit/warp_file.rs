@@ -21,8 +21,8 @@ impl Artefact for Warp {
 artefact_file! {
     /// A warp from a file: JSON as a tap of `TpsFit` writes it.
     ///
-    /// Its `content` is a digest of all else that it holds; a warp that was changed by hand under it is refused, one without it is
-    /// taken as it is.
+    /// Its `content` is a digest of everything else in it. A warp with a wrong digest, as after an edit by hand, is refused; without
+    /// `content` it is not checked.
     pub struct WarpFile / WarpFileParams / WarpFilePorts / WarpFileIo, version 5;
     /// The file.
     path: "trial.warp";

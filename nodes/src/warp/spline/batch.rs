@@ -13,7 +13,7 @@ const BATCH: usize = 4;
 
 /// Warped features for each of some splines, `[units, d]` each; on all cores.
 ///
-/// Splines over the same nodes share the kernels between these and a unit: what is left for each is a sum of products.
+/// Splines over the same nodes share the kernels between these and a unit: for each spline only a sum of products remains.
 ///
 /// # Complexity
 /// O(units n d) for each spline, and once O(units n) kernels for all that have the nodes of the first.

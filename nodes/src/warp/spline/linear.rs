@@ -261,7 +261,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn singular_values_tell_a_plane_from_space() {
+    fn singular_values_distinguish_a_plane_from_space() {
         let plane: Vec<f64> = (0..20)
             .flat_map(|k| {
                 let (a, b) = ((k as f64 * 1.3).sin(), (k as f64 * 0.7).cos());

@@ -1,6 +1,6 @@
 //! Pairs of vectors that a spline is fitted to.
 
-/// One pair: a vector, where it should go, and how much that counts.
+/// One pair: a vector, its image, and the weight of the pair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
     /// The vector.

@@ -30,19 +30,19 @@ const COMMENTS: [&str; 3] = [
 params! {
     /// Proposes a file of correspondences, which `CorrespondenceSet` reads once they are accepted.
     ///
-    /// Windows of both worlds are compared by the ranks of their features, laid on each other by optimal transport, and moments of
-    /// the target that lie far apart are proposed with what lies there in the database: the quietest first, then what brings the two worlds
-    /// nearest, until one more gains less than 1 %. A label states the gain, as a share of the distance that there is without a warp, and other
-    /// places of other recordings to try. Nothing is applied: listen, then keep, move or disable each.
+    /// Windows of the target and of the database are compared by the ranks of their features and matched by optimal transport. Moments of
+    /// the target that are far apart are proposed with the matching moments of the database: the quietest first, then the ones that reduce the distance
+    /// most, until one more gains less than 1 %. A label states the gain, as a share of the distance without a warp, and other
+    /// moments of other recordings to try. Nothing is applied: listen, then keep, move or disable each.
     ///
-    /// Gains measure the distance in total, not whether loud moments stay loud. Where it should, set `level: 3.0` and
-    /// `all: true`: then moments are spread over all levels, and each goes to what is as loud among the recordings.
+    /// Gains measure the distance in total, and do not ensure that loud moments remain loud. To ensure this, set `level: 3.0` and
+    /// `all: true`: then moments are spread over all levels, and each is matched with recordings of equal loudness.
     ///
     /// Silence of the target is proposed with the quietest moment of recordings that fall 30 dB below their loudest. Where none does, it
     /// is left out with a warning: no recording sounds like it.
     ///
     /// If the parts of a synthetic target are linked to `friction` and `crumple`, moments of either are proposed, and recordings
-    /// with the tags `friction`, `crumple` and `silence` are taken for what they are.
+    /// with the tags `friction`, `crumple` and `silence` count as of these causes.
     ///
     /// # Source
     /// Cuturi, "Sinkhorn distances" (NIPS 2013); Bonneel et al., "Sliced and Radon Wasserstein barycenters of measures" (2015).
@@ -124,7 +124,7 @@ impl UnitPower {
     }
 }
 
-/// Returns for each segment of a database whether it has a cause, if its tag states one.
+/// Returns for each segment of a database true if it has a cause; `None` if its tag does not state one.
 fn tagged(db: &UnitDatabase, segments: &[&Segment], cause: &str) -> Vec<Option<bool>> {
     let known = |tag: &str| CAUSES.contains(&tag) || tag == SILENCE_TAG;
     let segment = |s: &&Segment| {

@@ -52,6 +52,6 @@ impl Default for SuggestParams {
 pub struct Cause {
     /// Its power in each unit of the target.
     pub power: Vec<f64>,
-    /// For each segment of the database whether it comes from this alone, if that is known.
+    /// For each segment of the database, true if it comes from this cause alone; `None` if it is unknown.
     pub segments: Vec<Option<bool>>,
 }

@@ -12,7 +12,7 @@ use crate::material::statistics::{Points, k_means, squared};
 const ROUNDS: usize = 300;
 /// Change of a potential, over epsilon, below which it has settled.
 const SETTLED: f64 = 1e-4;
-/// Logarithm from which on a factor is moved into the potentials.
+/// Logarithm of a factor at which it is moved into the potentials.
 const LARGE: f64 = 20.0;
 /// Rows that are summed as one part, whatever the threads.
 const ROWS: usize = 64;

@@ -78,9 +78,9 @@ fn errors_name_the_expected_form() {
         (after(&frame(f64::NAN, 1.0)), "frame 0 is at NaN s; a finite time"),
         (
             after(&[frame(2.0, 1.0), frame(1.0, 1.0)].concat()),
-            "frame 1 is at 1 s, the one before at 2 s; times have to grow",
+            "frame 1 is at 1 s, the one before at 2 s; times must increase",
         ),
-        (after(&[frame(2.0, 1.0), frame(2.0, 1.0)].concat()), "times have to grow"),
+        (after(&[frame(2.0, 1.0), frame(2.0, 1.0)].concat()), "times must increase"),
         (after(&frame(0.0, f32::NAN)), "vertex 0 of frame 0 is at [NaN, NaN, NaN]; positions must be finite"),
         (after(&[frame(0.0, 1.0), frame(1.0, 1.1e9)].concat()), "vertex 0 of frame 1"),
         (after(&frame(0.0, f32::NEG_INFINITY)), "within 1e9"),
@@ -194,10 +194,10 @@ fn a_connection_that_is_silent_gives_its_place_to_another() {
             (sender, activity)
         };
         let mut senders: Vec<_> = [19_000, 1000, 10_000].map(connect).into();
-        assert!(make_place(&mut senders, SILENCE));
+        assert!(close_longest_silent(&mut senders, SILENCE));
         let left: Vec<_> = senders.iter().map(|(_, activity)| activity.last_ms.load(Relaxed)).collect();
         assert_eq!((left.len(), left.contains(&1000)), (2, false));
-        assert!(!make_place(&mut senders, SILENCE), "the others are not silent for long enough");
+        assert!(!close_longest_silent(&mut senders, SILENCE), "the others are not silent for long enough");
         senders.iter().for_each(|(_, activity)| activity.close.store(true, Relaxed));
     });
 }

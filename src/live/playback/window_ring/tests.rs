@@ -1,4 +1,4 @@
-//! What becomes of windows that come too late.
+//! Tests of windows that arrive too late.
 
 use super::*;
 use foley_nodes::core::buffer::{Budget, EventBuffer, Pad};

@@ -22,7 +22,7 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// A budget of so many bytes; clones share it.
+    /// A budget of `bytes` bytes; clones share it.
     #[must_use]
     pub fn new(bytes: usize) -> Self {
         Self(Arc::new(AtomicUsize::new(bytes)))
@@ -45,7 +45,7 @@ pub struct EventBuffer<E> {
 }
 
 impl<E: Clone + Send + 'static> EventBuffer<E> {
-    /// A buffer that stores the events of the last `span` ticks before its watermark, and grows as far as the budget goes.
+    /// A buffer that stores the events of the last `span` ticks before its watermark, and grows within the budget.
     #[must_use]
     pub fn new(span: Tick, budget: &Budget) -> Self {
         Self { events: Vec::with_capacity(Self::ROOM), span, end: 0, budget: budget.clone(), overrun: false }

@@ -71,7 +71,7 @@ pub trait AnyBuffer: Any + Send {
     /// Saves the content of the buffer, or restores it into a buffer of the same plan.
     ///
     /// # Errors
-    /// When what was saved is of another type or size.
+    /// If the saved state is of another type or size.
     fn archive_state(&mut self, archive: &mut StateArchive<'_>) -> Result<(), Fault>;
     /// Bytes that the buffer holds in memory.
     fn bytes(&self) -> usize;

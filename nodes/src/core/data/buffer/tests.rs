@@ -40,7 +40,7 @@ fn the_shortest_track_can_still_be_padded() {
 }
 
 #[test]
-fn a_buffer_knows_its_type() {
+fn a_buffer_has_its_type() {
     let samples = BoxedBuffer::new(Box::new(StreamBuffer::<f32>::new(1, 4, 0, Pad::Silence)));
     assert!(matches!(samples, BoxedBuffer::Samples(_)) && samples.typed::<StreamBuffer<f32>>().is_some());
     assert!(samples.typed::<StreamBuffer<u32>>().is_none());

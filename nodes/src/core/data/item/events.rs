@@ -19,7 +19,7 @@ pub struct EventType {
     pub name: &'static str,
     /// Identity.
     pub id: fn() -> TypeId,
-    /// Makes a buffer for a span of ticks that grows as far as the budget goes.
+    /// Makes a buffer for a span of ticks that grows within the budget.
     pub buffer: fn(Tick, &Budget) -> Box<dyn AnyBuffer>,
     /// Bytes of such a buffer before it grows.
     pub buffer_bytes: fn() -> usize,

@@ -5,7 +5,7 @@ use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part, 
 const RATE: f64 = 44_100.0;
 const TONES: [[f64; 2]; 2] = [[440.0, 0.2], [1513.0, 0.1]];
 
-/// A second of both tones, of which the second one begins and ends within it, and noise without tracks.
+/// A second of two tones, the second of which begins and ends within it, and noise without tracks.
 fn dictionary(channels: usize) -> GrainDictionary {
     let sample = |i: usize, channel: usize| {
         let t = i as f64 / RATE;

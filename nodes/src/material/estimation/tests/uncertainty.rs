@@ -53,7 +53,7 @@ fn each_estimator_reports_what_it_found() {
 }
 
 #[test]
-fn a_good_model_passes_its_tests_and_a_wrong_one_is_told() {
+fn a_good_model_passes_its_tests_and_a_wrong_one_is_reported() {
     let mut rng = Rng::new(12);
     let points = simulated(&mut rng, 400, [3.9, 1e-8, 0.4, 0.125]);
     let report = estimate(&points, &Settings { compare: true, ..settings(Estimator::Likelihood) }).unwrap();
@@ -95,7 +95,7 @@ fn clean_data_have_reflected_intervals_and_no_standard_errors() {
 }
 
 #[test]
-fn confounded_and_undetermined_parameters_are_told() {
+fn confounded_and_undetermined_parameters_are_reported() {
     let mut rng = Rng::new(4);
     let noisy = simulated(&mut rng, 700, [30.0, 1e-8, 6.0, 0.25]);
     let report = estimate(&noisy, &settings(Estimator::Likelihood)).unwrap();

@@ -25,7 +25,7 @@ fn corners(z: f32) -> Vec<u8> {
     f32s(&[0.0, 0.0, z, 1.0, 0.0, z, 1.0, 1.0, z, 0.0, 1.0, z])
 }
 
-/// Six frames of a square of which samples 2 and 3 differ: 0 0 1 2 2 2.
+/// Six frames of a square, the samples 2 and 3 of which differ: 0 0 1 2 2 2.
 fn repeating() -> Prop {
     property("P", 2, 10, 3, 6, (2, 3), vec![corners(0.0), corners(1.0), corners(2.0)])
 }

@@ -23,7 +23,7 @@ fn bank(modes: &Modes, form: BankForm, bins: usize) -> Bank {
     bank
 }
 
-/// Impulses at samples that are no multiples of anything.
+/// Impulses at samples that share no factor with the grid.
 fn impulses(samples: usize) -> Vec<f32> {
     let mut force = vec![0.0; samples];
     for (at, f) in [(0, 1.0), (77, -0.5), (1023, 0.7), (9000, 0.3), (20_001, 1.0)] {

@@ -7,7 +7,7 @@ use crate::modal::bank::lanes::{GRID, LANES, Lanes};
 use crate::modal::bank::two_pole::TwoPole;
 use fearless_simd::dispatch;
 
-/// Squared magnitude above which a mode has diverged, by forces that are not finite or close to it.
+/// Squared magnitude above which a mode has diverged, because of forces that are not finite or nearly so.
 const MAX_POWER: f32 = 1e30;
 
 impl Bank {

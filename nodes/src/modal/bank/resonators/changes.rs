@@ -1,4 +1,4 @@
-//! What changes while a bank sounds: dampings, pitch, coupling and contact points.
+//! Changes while a bank sounds: dampings, pitch, coupling and contact points.
 
 use super::*;
 
@@ -81,7 +81,7 @@ impl Bank {
         }
     }
 
-    /// Moves a contact point to where the modes have other gains, from the next sample.
+    /// Moves a contact point to a position at which the modes have other gains, from the next sample.
     ///
     /// # Shapes
     /// One gain for each mode of the object, including those left out.
@@ -135,7 +135,7 @@ impl Bank {
     }
 }
 
-/// Sets the gains of a contact point, of which every `points`-th element of `inputs` holds sixteen.
+/// Sets the gains of a contact point; every `points`-th element of `inputs` holds sixteen of them.
 pub(super) fn set_gains(
     inputs: &mut [InputGain],
     points: usize,

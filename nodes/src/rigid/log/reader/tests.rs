@@ -267,8 +267,8 @@ fn errors_have_line_column_and_the_expected_contents() {
         (head.replace(",vy", ""), "no column for the velocity"),
         ("{\"time_s\": 0, \"a\": 0}".into(), "line 1, column `b`: nothing is there; a body's name"),
         ("{\"time_s\": 0, \"loud\": 0}".into(), "line 1, column `loud`: there is no such key"),
-        ("{\"time_s\": 0,".into(), "line 1: this is no JSON object"),
-        (json("0").replace("\"force\": 1", "\"force\": NaN"), "line 1: this is no JSON object"),
+        ("{\"time_s\": 0,".into(), "line 1: this is not a JSON object"),
+        (json("0").replace("\"force\": 1", "\"force\": NaN"), "line 1: this is not a JSON object"),
         (
             json("0").replace("\"force\": 1", "\"force\": -1"),
             "line 1, column `force`: -1 is there; a number from 0 on",

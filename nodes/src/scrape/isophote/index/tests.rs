@@ -65,7 +65,7 @@ fn a_question_looks_at_a_few_pieces_whatever_the_size_of_the_image() {
 }
 
 #[test]
-fn pieces_are_short_and_know_their_gradients() {
+fn pieces_are_short_and_store_their_gradients() {
     let all = curves(64, 48, Wrap::Repeat);
     let index = IsophoteIndex::new(&all);
     let mut count = 0;

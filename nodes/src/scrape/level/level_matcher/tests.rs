@@ -34,7 +34,7 @@ struct Floor {
     rest: NoiseMap,
     noise: NoiseProfile,
     spectrum: NoiseProfile,
-    /// What is finer than the image.
+    /// Detail finer than the image.
     detail: NoiseProfile,
 }
 

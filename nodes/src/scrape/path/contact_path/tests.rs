@@ -136,7 +136,7 @@ fn the_guard_goes_straight_where_velocities_do_not_fit_the_path() {
 }
 
 #[test]
-fn the_latency_is_what_the_plan_is_told_and_prediction_has_none() {
+fn the_latency_is_the_declared_one_and_prediction_has_none() {
     use PathMode::{Extrapolate, Hermite};
     for (mode, velocities, frames) in [
         (Hermite, Velocities::Given, 1),
@@ -288,6 +288,6 @@ fn contacts_that_are_not_heard_are_counted() {
     let kinds = vec![State::Static, State::Static, State::Unsteady];
     assert_eq!(
         silent(p, kinds).unwrap(),
-        "of 3 frames none is heard: 2 static, 1 unsteady (`unsteady` is 0)"
+        "none of 3 frames is audible: 2 static, 1 unsteady (`unsteady` is 0)"
     );
 }

@@ -201,8 +201,8 @@ fn what_was_predicted_goes_over_to_what_was_true_without_a_step_or_a_kink() {
     let frame = 1.0 / 60.0;
     // Uneven acceleration, so that every prediction is wrong.
     let path = |t: f64| [0.3 * t + 0.05 * (9.0 * t).sin(), 0.04 * (7.0 * t).cos()];
-    let pace = |t: f64| [0.3 + 0.45 * (9.0 * t).cos(), -0.28 * (7.0 * t).sin()];
-    let frames: Vec<_> = (0..40).map(|k| f64::from(k) * frame).map(|t| sample(t, path(t), pace(t))).collect();
+    let velocity = |t: f64| [0.3 + 0.45 * (9.0 * t).cos(), -0.28 * (7.0 * t).sin()];
+    let frames: Vec<_> = (0..40).map(|k| f64::from(k) * frame).map(|t| sample(t, path(t), velocity(t))).collect();
     let (pieces, tracker) = follow(PathRules { look_ahead: false, ..rules(frame) }, &frames, 0.004, 0.6);
     assert_eq!((tracker.stalls, tracker.jumps), (0, 0));
     let (mut before, mut worst): (Option<([f64; 2], [f64; 2])>, _) = (None, 0.0_f64);

@@ -49,7 +49,7 @@ fn force(p: TwoTexturesParams, a: Luma, paths: Vec<(Tick, PathPiece)>, end: f64)
     standalone(p, a, paths, end).run().unwrap().stream(TwoTexturesPorts::force)
 }
 
-/// What is above 500 Hz: four high-passes of first order.
+/// Content above 500 Hz: four high-passes of first order.
 fn above_500(x: &[f32]) -> Vec<f32> {
     let feedback = (-std::f64::consts::TAU * 500.0 / FS).exp();
     let mut out: Vec<f64> = x.iter().map(|x| f64::from(*x)).collect();

@@ -33,10 +33,10 @@ fn luma(density: f64, depth: f64, width: usize, at: impl Fn(usize) -> f32) -> Lu
 }
 
 fn standalone(a: Luma, b: Option<Luma>, paths: Vec<(Tick, PathPiece)>, end: f64) -> Standalone {
-    solo_of(params(), a, b, paths, end)
+    standalone_of(params(), a, b, paths, end)
 }
 
-fn solo_of(
+fn standalone_of(
     p: TwoTexturesParams,
     a: Luma,
     b: Option<Luma>,
@@ -225,7 +225,7 @@ fn a_scale_is_that_of_places_heights_and_the_radius() {
                 other: Some(piece([0.2, 0.0], [-0.1, 0.0], 0.3).position),
                 ..piece([0.01, 0.0], [0.3, 0.0], 0.3)
             };
-            let standalone = solo_of(p, ripple(density, depth, 24.0), other, vec![(0, path)], 0.3);
+            let standalone = standalone_of(p, ripple(density, depth, 24.0), other, vec![(0, path)], 0.3);
             standalone.run().unwrap().stream(TwoTexturesPorts::force)
         };
         let one = at(
@@ -304,7 +304,7 @@ fn the_sample_rate_changes_nothing_that_is_heard() {
                 contact: ContactForceParams { rate: Rate::hz(rate), ..params().contact },
                 ..params()
             };
-            let standalone = solo_of(p, a.clone(), other.clone(), vec![(0, path)], 1.0);
+            let standalone = standalone_of(p, a.clone(), other.clone(), vec![(0, path)], 1.0);
             standalone.run().unwrap().stream(TwoTexturesPorts::force)
         };
         let miss = rates_apart(&at(44_100), &at(88_200));
@@ -323,7 +323,7 @@ fn rest_and_no_force_are_silent() {
     for b in [None, Some(b)] {
         let p = TwoTexturesParams { a_exponent: 0.0, ..params() };
         let play = |paths: Vec<(Tick, PathPiece)>| {
-            let standalone = solo_of(p.clone(), a.clone(), b.clone(), paths, 0.5);
+            let standalone = standalone_of(p.clone(), a.clone(), b.clone(), paths, 0.5);
             standalone.run().unwrap().stream(TwoTexturesPorts::force)
         };
         let out = play(vec![(0, go), (ticks(0.2), rest)]);

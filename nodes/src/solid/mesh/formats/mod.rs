@@ -19,7 +19,7 @@ mod tests;
 /// Reads a tetrahedral mesh; the `nodes` are the `.node` file of a TetGen `.ele`.
 ///
 /// # Errors
-/// Position in the file, what was found, and what would be right; and as [`TetMesh::new`].
+/// Position in the file, the value found, and what is needed; and the errors of [`TetMesh::new`].
 ///
 /// # Complexity
 /// O(n) in bytes on average: memory is bounded by the file, not by the counts in it.

@@ -1,4 +1,4 @@
-//! What a reader collects: nodes with their numbers in the file, and elements over them.
+//! Mesh as a reader collects it: nodes with their numbers in the file, and elements over them.
 
 use super::super::element::edges;
 use super::super::error::TetMeshError;

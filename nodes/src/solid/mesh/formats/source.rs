@@ -94,7 +94,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Passes everything up to and including a word; returns false if it does not follow.
+    /// Skips everything up to and including a word; returns false if the word does not follow.
     pub(super) fn pass(&mut self, end: &[u8]) -> bool {
         let rest = &self.bytes[self.at..];
         let Some(found) = rest.windows(end.len()).position(|w| w == end) else { return false };
@@ -104,7 +104,7 @@ impl<'a> Source<'a> {
         true
     }
 
-    /// Passes the end of the line, after which a binary section begins.
+    /// Skips the end of the line, after which a binary section begins.
     pub(super) fn end_line(&mut self) {
         if self.bytes.get(self.at) == Some(&b'\r') {
             self.at += 1;

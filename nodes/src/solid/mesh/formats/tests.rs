@@ -12,7 +12,7 @@ fn mesh() -> TetMesh {
     block([0.1, 0.05, 0.02], [2, 1, 1])
 }
 
-/// The mesh with a node in the middle of each edge of each element, one a time.
+/// The mesh with a node in the middle of each edge of each element, one at a time.
 fn second_order(mesh: &TetMesh) -> (Vec<[f64; 3]>, Vec<Vec<u32>>) {
     let mut nodes = mesh.nodes.clone();
     let tets = mesh.tets.iter().map(|tet| {
@@ -168,7 +168,7 @@ fn all_formats_give_the_same_mesh() {
     }
 }
 
-/// One element with the edges of Gmsh, of which the edge between the corners 1 and 3 has its node off by some distance along x.
+/// One element with the edges of Gmsh, with the node of the edge between the corners 1 and 3 moved by some distance along x.
 fn one_curved(off: f64) -> (Vec<[f64; 3]>, Vec<Vec<u32>>) {
     let nodes = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let (mut nodes, tets) = second_order(&TetMesh::new(nodes, vec![[0, 1, 2, 3]]).unwrap());

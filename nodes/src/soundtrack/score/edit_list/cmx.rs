@@ -15,7 +15,7 @@ const ROUNDING: f64 = 0.005;
 /// An event, for messages.
 const EXAMPLE: &str =
     "an event such as `001 AX V C 00:00:01:00 00:00:02:00 00:00:00:00 00:00:01:00` is needed";
-/// First words of lines that say nothing about picture times.
+/// First words of lines that contain no picture times.
 const IGNORED: [&str; 12] = [
     "TITLE:", "SPLIT:", "AUD", "REEL:", "REEL", "EFFECTS", "FINAL", "BLEND,", "CONTROL", "KEY", "MOTION",
     "SOURCE",
@@ -45,7 +45,7 @@ impl Timebase {
         (self.rate * 1000.0).round() / 1000.0
     }
 
-    /// The time of a timecode, s, or what is wrong with it.
+    /// The time of a timecode, s, or a description of its error.
     fn seconds(&self, text: &str, drop: bool) -> Result<f64, String> {
         let fields: Vec<&str> = text.split([':', ';', '.', ',']).collect();
         let number = |field: &&str, end: u32| field.parse::<u32>().ok().filter(|x| *x < end);

@@ -111,7 +111,7 @@ fn units_of(units: usize, mut next: impl FnMut() -> f64) -> UnitDatabase {
     build(&[Take { channels: vec![sound].into(), ..Take::default() }], &c, None).unwrap()
 }
 
-/// Every join of picks at which something is mixed: the first sample of the region and the one after its last.
+/// Every mixed join of picks: the first sample of the region and the one after its last.
 fn regions(db: &UnitDatabase, picks: &[u32]) -> Vec<std::ops::Range<usize>> {
     let c = Concatenator::new(db, Blend::EqualPower);
     let join = |(k, pair): (usize, &[u32])| {

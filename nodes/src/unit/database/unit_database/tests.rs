@@ -89,7 +89,7 @@ fn what_is_no_recording_or_holds_no_unit_is_named() {
 }
 
 #[test]
-fn what_is_odd_about_recordings_is_told() {
+fn oddities_of_recordings_are_reported() {
     let mut cut = standalone(&["a.wav"]);
     let whole = trial_wav(&[0.25; 24_000], 48_000);
     cut.files.insert("a.wav", whole[..whole.len() / 2].to_vec());

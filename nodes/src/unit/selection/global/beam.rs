@@ -18,7 +18,7 @@ pub struct BeamParams {
     pub path: GlobalParams,
     /// Number of nearest units that are tried for each target, and of paths that are followed.
     pub candidates: usize,
-    /// Price of a feature distance of 1 between the unit that would follow and the one that does.
+    /// Price of a feature distance of 1 between the unit that would follow and the one that follows.
     pub feature: f64,
     /// Price of a step of level by a factor of e.
     pub level: f64,
@@ -83,7 +83,7 @@ struct Followed {
 ///
 /// The `candidates` nearest units of each target are tried, with the unit that follows each followed path and the one that `greedy`
 /// chose; the best paths are followed. The path of `greedy` is always among those tried, so that without `cool_off` and `loop_guard` the path
-/// found never costs more. A path in which a unit would recur too early is left; where none remains, one goes on all the same and is
+/// found never costs more. A path in which a unit would recur too early is dropped; where none remains, one continues anyway and is
 /// counted.
 ///
 /// # Shapes
@@ -93,7 +93,7 @@ struct Followed {
 /// A feature of the target that is not finite.
 ///
 /// # Complexity
-/// O(n K²) at worst for K candidates, much less where a jump costs something: no cheaper join is looked for once none can be.
+/// O(n K²) at worst for K candidates, much less where a jump costs something: the search for a join ends once none can be cheaper.
 ///
 /// # Source
 /// Hunt and Black, "Unit selection in a concatenative speech synthesis system using a large speech database" (ICASSP 1996).

@@ -9,7 +9,7 @@ use crate::unit::selection::selector::NotFinite;
 /// The best path through the units of a database for a whole target.
 ///
 /// V_i(j) = min(D1(i, j), cap) + min(V_{i-1}(j - 1) where j - 1 precedes j in its recording, min V_{i-1} + p): a jump costs the same
-/// from everywhere, so that one minimum per row stands for all of them. Of equal paths one that runs on is taken.
+/// from everywhere, so that one minimum per row represents all of them. Of equal paths, one without a jump is taken.
 ///
 /// # Shapes
 /// `target`: `[n * dims]`. `block`: rows between checkpoints, which changes nothing but memory and time; `None` for about sqrt n.
@@ -18,8 +18,8 @@ use crate::unit::selection::selector::NotFinite;
 /// A feature of the target that is not finite.
 ///
 /// # Precision
-/// Rows are stored in single precision over the least cost of the row before, so that no number in them exceeds one price and one
-/// distance, and what is lost does not grow with the length of the take: the path costs at most 2^-22 (p + greatest distance) per
+/// Rows are stored in single precision relative to the least cost of the row before, so that no number in them exceeds one price and one
+/// distance, and the error does not grow with the length of the take: the path costs at most 2^-22 (p + greatest distance) per
 /// target more than the best. Its cost is summed in double precision along the path.
 ///
 /// # Complexity

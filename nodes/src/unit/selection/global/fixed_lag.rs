@@ -1,4 +1,4 @@
-//! The exact programme while the target is still coming: each unit is decided a fixed time after it.
+//! The exact programme for a target in real time: each unit is decided a fixed time after it.
 
 use super::front::{Decisions, Front, Price, Scratch};
 use super::path::GlobalParams;

@@ -1,4 +1,4 @@
-//! The costs of a row of the programme, of those units alone from which a path may run on.
+//! The costs of a row of the programme, only of the units from which a path may continue.
 
 use super::path::{GlobalParams, MAX_SWITCH_COST};
 use super::row::{self, Target, WORD};
@@ -8,14 +8,14 @@ use crate::unit::selection::kdtree::Search;
 use fearless_simd::{Level, dispatch};
 use serde::{Deserialize, Serialize};
 
-/// A row is computed over all columns where more than one in this many is active: to look them up takes longer.
+/// A row is computed over all columns where more than one in this many is active: a look-up of them takes longer.
 const DENSE: usize = 8;
 
 /// Costs after a row, each over the least of the row before.
 ///
-/// A jump costs the same from everywhere. A path that runs on from a column costs no less than one that jumps from the best column if the two
-/// differ by more than the price of a jump: such columns are not active, and need not be known. What becomes active by a jump lies
-/// nearer to the target than the least cost of the row, and is looked up.
+/// A jump costs the same from everywhere. A path that continues from a column costs no less than one that jumps from the best column if the two
+/// costs differ by more than the price of a jump: such columns are not active, and are not stored. A column that becomes active by a jump is
+/// nearer to the target than the least cost of the row, and is found by a look-up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Front {
     /// Active columns and their costs; empty if `all` is not.
@@ -48,7 +48,7 @@ impl Price {
 pub(super) struct Scratch {
     active: Vec<(u32, f32)>,
     all: Vec<f32>,
-    /// For each column the last row in which it was run on to, counted by `row`.
+    /// For each column the last row in which a path continued to it, counted by `row`.
     run_at: Vec<u64>,
     row: u64,
     search: Search,
@@ -83,8 +83,8 @@ impl Front {
         self.active.sort_unstable_by_key(|(column, _)| *column);
     }
 
-    /// The costs of a row from those of the row before. `surcharges` are added to the costs of columns; `decisions` get how the row, the
-    /// given one of theirs, is reached.
+    /// Computes the costs of a row from those of the row before. `surcharges` are added to the costs of columns. With `decisions`, the predecessors of
+    /// the columns are stored in the row of that number.
     pub fn advance(
         &mut self,
         table: &Table,
@@ -145,7 +145,7 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Costs of the columns that may become active, in `scratch`; returns the least of them, or nothing if too many have to be looked at.
+    /// Costs of the columns that may become active, in `scratch`; returns the least of them, or nothing if there are too many to examine.
     fn some(&self, active: &[(u32, f32)], scratch: &mut Scratch) -> Option<f32> {
         let Scratch { active: next, run_at, row, search, .. } = scratch;
         next.clear();
@@ -244,7 +244,7 @@ impl Decisions {
         Self { words, bits: vec![0; words * rows], sources: vec![0; rows] }
     }
 
-    /// Stores that a row was reached by running on in some columns, and by a jump from `source` in all others.
+    /// Stores that a row was reached by continuing in some columns, and by a jump from `source` in all others.
     fn record_columns(&mut self, row: usize, source: usize, columns: impl Iterator<Item = u32>) {
         let bits = &mut self.bits[row * self.words..][..self.words];
         bits.fill(0);
@@ -252,7 +252,7 @@ impl Decisions {
         self.sources[row] = source;
     }
 
-    /// The same of all columns, from the costs of those that they follow.
+    /// The same for all columns, from the costs of those that they follow.
     fn record_row(&mut self, row: usize, source: usize, before: &[f32], least: f32, price: Price) {
         let bits = &mut self.bits[row * self.words..][..self.words];
         row::runs(price.level, &before[..before.len() - 1], least, price.switch, bits);

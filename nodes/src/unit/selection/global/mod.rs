@@ -1,4 +1,4 @@
-//! Global selection: the path of units that sounds and continues most like a target.
+//! Global selection: the path of units that is most similar to a target in sound and continuity.
 //!
 //! A path costs the distances of its units from the target, and a price for every jump. [`exact()`] finds the cheapest path,
 //! [`beam()`] adds the costs of audible differences at joins, and [`FixedLag`] decides with a fixed lag.

@@ -70,13 +70,13 @@ pub struct Path {
     pub units: Vec<u32>,
     /// Cost of the path.
     pub cost: f64,
-    /// Cost of the best path without regard to `cool_off` and `loop_guard`.
+    /// Cost of the best path without `cool_off` and `loop_guard`.
     pub free_cost: f64,
     /// Units of that path that recurred before the end of their cool-off, or that completed a repeat.
     pub repeats: usize,
-    /// Times that parts of it were searched again for that.
+    /// Number of repeated searches of parts of it for that reason.
     pub rounds: usize,
-    /// Units that had to be replaced in the end, whatever the cost.
+    /// Units that were replaced in the end, regardless of the cost.
     pub replaced: usize,
 }
 

@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 
 /// Least rows of a block.
 const SHORT: usize = 32;
-/// Active columns for which a block is a row longer: fronts are stored at its ends, decisions for its rows.
+/// Number of active columns for which a block is one row longer: fronts are stored at its ends, decisions for its rows.
 const COLUMNS_PER_ROW: usize = 150;
-/// Blocks of which the decisions are stored at once, for each thread.
+/// Blocks whose decisions are stored at once, for each thread.
 const DECIDED: usize = 8;
-/// Places at which some rows are computed to find how many columns are active.
+/// Number of places at which some rows are computed to estimate the number of active columns.
 const PLACES: usize = 16;
 /// Rows that are computed there.
 const TRIAL: usize = 8;
@@ -100,7 +100,7 @@ impl<'a> Programme<'a> {
         front
     }
 
-    /// Computes the fronts again as far as they differ; returns the computed blocks.
+    /// Computes the fronts again where they differ; returns the computed blocks.
     fn forward(&mut self, changed: &[bool]) -> Vec<bool> {
         let mut computed = changed.to_vec();
         let mut stale: Vec<usize> = (0..changed.len()).filter(|b| changed[*b]).collect();
@@ -131,9 +131,9 @@ impl<'a> Programme<'a> {
         computed
     }
 
-    /// Computes all fronts, in as many parts at once as there are threads; returns the blocks at the start of a part that began otherwise.
+    /// Computes all fronts, in as many parts at once as there are threads; returns the blocks at the start of a part that began with other costs.
     ///
-    /// A part takes what follows from the block before it alone for what lies before it.
+    /// The first front of a part is computed from the block before it alone, without the rows before that.
     fn first_fronts(&mut self) -> Vec<usize> {
         let (blocks, columns) = (self.blocks(), self.table.count());
         let part = blocks.div_ceil(rayon::current_num_threads());

@@ -37,7 +37,7 @@ fn repeats(path: &[usize], table: &Table, params: &GlobalParams) -> Vec<usize> {
     found
 }
 
-/// `wanted` if it may be chosen, else the cheaper of the column that runs on and the nearest; if all are barred, one that only
+/// `wanted` if it may be chosen, else the cheaper of the column that continues and the nearest; if all are barred, one that only
 /// repeats, and else the one that was chosen longest ago.
 pub(super) fn substitute(
     history: &History,
@@ -103,7 +103,7 @@ pub(super) fn repair(programme: &mut Programme<'_>, params: &GlobalParams) -> Re
     repair
 }
 
-/// The path with each unit replaced that recurs too early, and the number of replaced units.
+/// The path with each unit replaced that recurs too early, and the number of replacements.
 fn enforce(programme: &Programme<'_>, params: &GlobalParams) -> (Vec<usize>, usize) {
     let mut history = new_history(programme.table, params);
     let mut path: Vec<usize> = Vec::with_capacity(programme.path.len());

@@ -119,7 +119,7 @@ pub(super) fn count_within(level: Level, costs: &[f32], least: f32, switch: f32)
     })
 }
 
-/// Marks the units that are reached no worse from the unit that they follow than by a jump.
+/// Marks the units that are reached at most as expensively from the unit that they follow as by a jump.
 pub(super) fn runs(level: Level, before: &[f32], lowest: f32, switch: f32, bits: &mut [u64]) {
     dispatch!(level, simd => {
         let _ = simd;

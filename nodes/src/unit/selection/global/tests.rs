@@ -198,7 +198,7 @@ fn a_beam_as_wide_as_the_database_finds_the_best_path() {
 }
 
 #[test]
-fn free_jumps_give_the_nearest_units_and_dear_ones_an_unbroken_run() {
+fn free_jumps_give_the_nearest_units_and_expensive_ones_an_unbroken_run() {
     let mut rng = Rng::new(4);
     let mut features = Vec::new();
     let (m, segments) = units(&mut rng, &[50, 150], &mut features);
@@ -330,7 +330,7 @@ fn every_search_takes_copies_at_another_level_for_the_same_unit() {
         segments.iter().copied().chain(segments.iter().map(|(from, n)| (from + m, *n))).collect();
     let same: Vec<u32> = (0..2 * m).map(|j| (j % m) as u32).collect();
     let sounds = |picks: &[u32]| picks.iter().map(|unit| unit % m as u32).collect::<Vec<_>>();
-    // A target that hardly moves asks for the same units again and again.
+    // A target that hardly moves selects the same units again and again.
     let target: Vec<f32> = walk(&mut rng, 150).iter().map(|x| 0.05 * x).collect();
     for are_known in [false, true] {
         let same = if are_known { same.clone() } else { Vec::new() };

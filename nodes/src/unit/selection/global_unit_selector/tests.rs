@@ -285,7 +285,7 @@ fn a_target_without_end_is_for_the_one_that_decides_online() {
 }
 
 #[test]
-fn a_number_that_is_not_finite_is_told_with_its_unit() {
+fn a_number_that_is_not_finite_is_reported_with_its_unit() {
     let db = database(1);
     let mut target = walk(8, 30, DIMS);
     target[DIMS * 17 + 1] = f32::NAN;
@@ -296,19 +296,19 @@ fn a_number_that_is_not_finite_is_told_with_its_unit() {
         let fault = standalone.run().map(|_| ()).unwrap_err();
         assert!(fault.code == "F102" && fault.message.contains("unit 17 of"), "{fault}");
     }
-    // Units before it that were skipped in sleep are counted as well.
-    let (sound, asleep) = resting(&db);
+    // Units before it that were skipped in silence are counted as well.
+    let (sound, skipped) = skipped_target(&db);
     let mut target = walk(5, 360, DIMS);
-    target[DIMS * (asleep.end + 3)] = f32::NAN;
+    target[DIMS * (skipped.end + 3)] = f32::NAN;
     let audio = RATE.times(u64::from(db.conventions.unit)).unwrap();
     let port = OnlineUnitSelectorPorts::target;
     let standalone = of_online(&self::online(0.5), &db, 1, &target).optional(port, audio, Channels(1), sound);
     let fault = standalone.run().map(|_| ()).unwrap_err();
-    assert!(fault.message.contains(&format!("unit {} of", asleep.end + 3)), "{fault}");
+    assert!(fault.message.contains(&format!("unit {} of", skipped.end + 3)), "{fault}");
 }
 
-/// A target that is silent from its 60th unit to its 300th, of 360, and the units that are slept through for it.
-fn resting(db: &UnitDatabase) -> (Vec<f32>, std::ops::Range<usize>) {
+/// A target that is silent from its 60th unit to its 300th, of 360, and the units that are skipped for it.
+fn skipped_target(db: &UnitDatabase) -> (Vec<f32>, std::ops::Range<usize>) {
     let unit = db.unit();
     let sample = |k: usize| if (60 * unit..300 * unit).contains(&k) { 1e-6 } else { 0.1 };
     // Asleep from 0.55 s and two units after the last sound on.
@@ -318,26 +318,26 @@ fn resting(db: &UnitDatabase) -> (Vec<f32>, std::ops::Range<usize>) {
 #[test]
 fn silence_of_the_target_is_slept_through_and_the_path_leads_on_from_where_it_was() {
     let (db, features) = (database(1), walk(5, 360, DIMS));
-    let (target, asleep) = resting(&db);
+    let (target, skipped) = skipped_target(&db);
     let audio = RATE.times(u64::from(db.conventions.unit)).unwrap();
-    let awake = [&features[..asleep.start * DIMS], &features[asleep.end * DIMS..]].concat();
+    let awake = [&features[..skipped.start * DIMS], &features[skipped.end * DIMS..]].concat();
     for method in [Method::Exact, Method::Beam] {
         let with = |p: &GlobalUnitSelectorParams| {
             let port = GlobalUnitSelectorPorts::target;
             of_global(p, &db, 1, &features).optional(port, audio, Channels(1), target.clone())
         };
         let found = picks(with(&global(method)));
-        let frozen = found[asleep.start - 1].unit;
-        assert!(found[asleep.clone()].iter().all(|p| p.unit == frozen && p.d1 == 0.0), "{method:?}");
+        let frozen = found[skipped.start - 1].unit;
+        assert!(found[skipped.clone()].iter().all(|p| p.unit == frozen && p.d1 == 0.0), "{method:?}");
         let alone = picks(of_global(&global(method), &db, 1, &awake));
-        let rest: Vec<Pick> = [&found[..asleep.start], &found[asleep.end..]].concat();
+        let rest: Vec<Pick> = [&found[..skipped.start], &found[skipped.end..]].concat();
         assert!(rest == alone, "{method:?}: as if there were no silence");
         for window in [RATE.span(3), ticks(0.0173)] {
             assert!(picks(with(&global(method)).window(window)) == found, "{method:?}, windows of {window}");
         }
         let run = with(&global(method)).run().unwrap();
         let share = run.summary.iter().find(|(name, _)| *name == "asleep_share").unwrap().1.as_f64();
-        assert_eq!(share, Some(asleep.len() as f64 / 360.0));
+        assert_eq!(share, Some(skipped.len() as f64 / 360.0));
         let keep = GlobalUnitSelectorParams { keep_room_tone: Some(true), ..global(method) };
         assert!(
             picks(with(&keep)) == picks(of_global(&keep, &db, 1, &features)),
@@ -349,7 +349,7 @@ fn silence_of_the_target_is_slept_through_and_the_path_leads_on_from_where_it_wa
 #[test]
 fn what_decides_online_sleeps_as_well_and_looks_at_nothing_that_is_slept_through() {
     let (db, features) = (database(1), walk(5, 360, DIMS));
-    let (target, asleep) = resting(&db);
+    let (target, skipped) = skipped_target(&db);
     let audio = RATE.times(u64::from(db.conventions.unit)).unwrap();
     let with = |lag| {
         let port = OnlineUnitSelectorPorts::target;
@@ -361,13 +361,13 @@ fn what_decides_online_sleeps_as_well_and_looks_at_nothing_that_is_slept_through
         let table = Table::new(&self::units(&format(&db, 1), &db, &[]).unwrap()).unwrap();
         let path = online(lag).cost.global(240.0);
         let mut choice = FixedLag::new(table, path, units);
-        for at in (0..360).filter(|at| !asleep.contains(at)) {
-            let known = (at..=(at + units).min(359)).filter(|k| !asleep.contains(k));
+        for at in (0..360).filter(|at| !skipped.contains(at)) {
+            let known = (at..=(at + units).min(359)).filter(|k| !skipped.contains(k));
             let window: Vec<f32> = known.flat_map(|k| features[k * DIMS..(k + 1) * DIMS].to_vec()).collect();
             assert_eq!(found[at].unit, choice.choose(&window).unwrap().unit as i32, "{lag} {at}");
         }
-        let frozen = found[asleep.start - 1].unit;
-        assert!(found[asleep.clone()].iter().all(|p| p.unit == frozen && p.d1 == 0.0));
+        let frozen = found[skipped.start - 1].unit;
+        assert!(found[skipped.clone()].iter().all(|p| p.unit == frozen && p.d1 == 0.0));
         for window in [RATE.span(1), ticks(0.0173), ticks(9.0)] {
             assert!(picks(with(lag).window(window)) == found, "{lag}, windows of {window}");
         }

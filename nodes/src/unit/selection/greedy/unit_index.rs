@@ -26,7 +26,7 @@ pub(super) struct Index {
     pub same: Vec<u32>,
     /// The units that may be chosen, by their features; only the first of those with equal windows.
     pub by_features: KdTree,
-    /// Those that have room for a whole window, by the mean of their window.
+    /// The units that have room for a whole window, by the mean of their window.
     pub by_mean: KdTree,
     /// The next unit with a window equal to that of this one, or [`LAST`].
     next_equal: Vec<u32>,
@@ -242,7 +242,7 @@ mod tests {
     use crate::core::random::Rng;
     use std::collections::BTreeMap;
 
-    /// The index of some units, a few of which are not allowed, with what its trees should hold: the first unit of each window with its
+    /// The index of some units, a few of which are not allowed, with the content of its trees: the first unit of each window with its
     /// features, and those with a whole window with their mean.
     fn check(features: &[f32], dims: usize, segments: Vec<(usize, usize)>, look: usize, causal: bool) {
         let count = features.len() / dims;

@@ -1,4 +1,4 @@
-//! Exact search, in bounded memory, of the unit that sounds most like each unit of a target.
+//! Exact search, in bounded memory, for the unit that is most similar to each unit of a target.
 
 use std::cmp::Ordering;
 use std::sync::Arc;
@@ -53,10 +53,10 @@ enum Order {
     Distance,
 }
 
-/// Nodes and points that a search of little promise looks at before the other order has its turn.
+/// Nodes and points that an unpromising search examines before the other order has its turn.
 const FIRST_TRY: f64 = 64.0;
 
-/// Recent costs of a search in each order, in nodes and points. They decide which one is tried first, and never what is found.
+/// Recent costs of a search in each order, in nodes and points. They decide which one is tried first, and never affect the result.
 #[derive(Clone, Copy, Debug)]
 struct Costs {
     bound: f64,
@@ -205,7 +205,7 @@ impl Exact {
         false
     }
 
-    /// Makes unit `j` the best of a search, or the first that may be chosen of those with equal windows, if it is better; returns whether it is.
+    /// Makes unit `j` the best of a search, or the first that may be chosen of those with equal windows, if it is better; returns true if it is.
     #[inline(always)]
     fn examine<S: Simd>(&self, simd: S, j: u32, state: &mut SearchState) -> bool {
         let Some(start) = self.index.start(j as usize, self.window.len() - 1) else {
@@ -271,7 +271,7 @@ impl Exact {
         state.best
     }
 
-    /// Examines units in the order that has less to look at. Which one that is shows only on the way: both are tried in turn, with limits that grow, so
+    /// Examines units in the order that needs fewer. That order is not known before: both are tried in turn, with limits that grow, so
     /// that no search costs much more than the cheaper one.
     fn by_cheaper_order(&mut self, state: &mut SearchState, scratch: &mut Search) {
         let (mut order, mut limit) = self.costs.first();
@@ -324,14 +324,14 @@ impl Exact {
         });
     }
 
-    /// The unit after the last pick, whatever it sounds like, unless it is barred.
+    /// The unit after the last pick, regardless of its sound, unless it is barred.
     fn continue_run(&self) -> Option<Choice> {
         let next = self.continuation().filter(|next| !self.history.barred(*next))?;
         let d1 = self.d1(next);
         Some(Choice { unit: next as u32, fallback: d1 > self.params.d_max, d1, ..Choice::default() })
     }
 
-    /// The nearest unit that is not barred, whatever follows it.
+    /// The nearest unit that is not barred, regardless of the unit after it.
     fn nearest(&mut self, least_recent: Option<usize>) -> Option<Choice> {
         let free = |j: &usize| least_recent == Some(*j) || !self.history.barred(*j);
         let mut search = std::mem::take(&mut self.search);

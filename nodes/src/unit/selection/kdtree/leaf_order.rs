@@ -6,7 +6,7 @@ pub const LANES: usize = 16;
 /// Coordinates that a vector register of any processor holds.
 pub(super) const QUAD: usize = 4;
 
-/// Number of points from which on two threads put them in order.
+/// Minimum number of points that two threads sort.
 const SHARED: usize = 4096;
 
 /// Number of children of a node over some points: as many as a tree of this height needs, each with as many points.

@@ -99,7 +99,7 @@ fn keys_split_points_as_comparisons_do() {
 }
 
 #[test]
-fn a_search_ends_where_it_is_told_to_and_at_its_limit() {
+fn a_search_ends_at_the_given_distance_and_at_its_limit() {
     let points: Vec<f32> = (0..900).map(|k| k as f32).collect();
     let labels: Vec<u32> = (0..900).collect();
     let tree = KdTree::new(&labels, &points, 1);

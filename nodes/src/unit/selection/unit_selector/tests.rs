@@ -1,4 +1,4 @@
-//! Channels of a target, and sleep while it is silent.
+//! Channels of a target, and units that are skipped while it is silent.
 
 use super::*;
 use crate::core::item::Channels;
@@ -179,7 +179,7 @@ fn warnings(standalone: &Standalone) -> Vec<String> {
 }
 
 #[test]
-fn many_fallbacks_and_too_few_units_are_told_once() {
+fn many_fallbacks_and_too_few_units_are_reported_once() {
     let (db, features) = (database(&[0]), walk(1, 600 * 3));
     let near = UnitSelectorParams { d_max: 1000.0, ..params() };
     assert_eq!(warnings(&selection(&near, &db, 1, &features)), Vec::<String>::new());

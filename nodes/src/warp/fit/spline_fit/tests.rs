@@ -444,7 +444,7 @@ fn the_jacobian_is_that_of_differences_and_detects_folds() {
 }
 
 #[test]
-fn a_mirror_is_told_from_a_fold() {
+fn a_mirror_is_distinguished_from_a_fold() {
     let square: Vec<[f64; 2]> = (0..81).map(|k| [f64::from(k % 9) - 4.0, f64::from(k / 9) - 4.0]).collect();
     let target: Vec<f32> = square.iter().flatten().map(|x| 0.9 * *x as f32 + 0.05).collect();
     let of = |law: &dyn Fn(f64) -> f64| {

@@ -17,7 +17,7 @@ fn run(target: &[f32], units: &Units<'_>, p: &SelectorParams) -> Vec<Choice> {
         .collect()
 }
 
-/// Features that wander, sometimes on a coarse grid so that there are ties.
+/// Features of a random walk, sometimes on a coarse grid so that there are ties.
 fn wander(rng: &mut Rng, n: usize, dims: usize, grid: bool) -> Vec<f32> {
     let mut at = vec![0.0; dims];
     let mut out = Vec::new();

@@ -35,7 +35,7 @@ fn heaps(clusters: usize, each: usize) -> Vec<Pair> {
 }
 
 #[test]
-fn what_is_stiff_is_told_by_the_degrees_of_freedom() {
+fn the_degrees_of_freedom_measure_the_stiffness() {
     // The heaps of the table in the specification are not known; these have its number of nodes and their distance.
     let pairs = heaps(20, 21);
     let problem = crate::warp::fit::problem::Problem::new(&pairs, 3).unwrap();

@@ -1,4 +1,4 @@
-//! Values as the cache stores them; the first byte selects the type. They are rejected, or valid to store again.
+//! Values as the cache stores them; the first byte selects the type. Each is rejected, or can be stored again.
 #![no_main]
 
 use foley_nodes::core::ports::PortKind;

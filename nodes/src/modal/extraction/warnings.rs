@@ -10,7 +10,7 @@ const CLIPPED: usize = 3;
 pub(super) const UNCERTAINTY: f64 = 0.3;
 
 /// Warnings of one impact at `rate` samples a second in a room, whose decay may be unknown.
-pub(super) fn doubts(samples: &[f32], rate: f64, found: &Extracted, room: &Room) -> Vec<String> {
+pub(super) fn warnings(samples: &[f32], rate: f64, found: &Extracted, room: &Room) -> Vec<String> {
     let mut out = Vec::new();
     let peak = samples.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
     // The crest of a wave that decays reaches the peak once; what is clipped does so again and again.
