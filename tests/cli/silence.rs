@@ -103,6 +103,6 @@ fn a_strength_of_0_is_named() {
 #[test]
 fn a_log_in_which_nothing_slides_says_what_the_contacts_do() {
     let text = run(false, &["path.unsteady=0.0"]);
-    assert!(text.contains("note: path: silent throughout: of "), "{text}");
+    assert!(text.contains("note: path: silent throughout: none of "), "{text}");
     assert!(text.contains(" static"), "{text}");
 }

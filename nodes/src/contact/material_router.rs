@@ -169,7 +169,7 @@ mod tests {
             let p = MaterialRouterParams { between: between.map(Into::into) };
             let reject = MaterialRouter::format(&p, &format(1)).unwrap_err();
             let help = reject.help.unwrap_or_default();
-            assert!(reject.code == "F107" && help.contains("the cloth is of cotton, silk"), "{help}");
+            assert!(reject.code == "F107" && help.contains("the cloth consists of cotton, silk"), "{help}");
             assert!(help.contains("stone") && help.contains("wood"), "{help}");
         }
         let unnamed = ContactsFormat::plain(vec![1e-4].into(), 1);

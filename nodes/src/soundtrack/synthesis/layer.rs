@@ -4,55 +4,12 @@ use super::classes::{Classes, source_value};
 use super::morph::Morph;
 use super::node_constraints::NodeConstraints;
 use super::output::{NONE, OutputTree};
+use super::recent::{Recent, Round};
 use super::rules::{CandidateSearch, SynthesisRules};
 use super::step::predecessor;
 use crate::impl_state;
 use crate::soundtrack::wavelet::TextureModel;
-use std::collections::VecDeque;
 use std::ops::Range;
-
-/// Nodes that were chosen lately.
-#[derive(Clone, Debug, Default)]
-pub struct Recent {
-    /// Number of times that each node was chosen; empty if it does not matter.
-    pub counts: Vec<u16>,
-    order: VecDeque<u32>,
-    limit: usize,
-}
-
-impl Recent {
-    /// Creates the empty history of `nodes` nodes, in which the last `limit` choices count.
-    fn new(nodes: usize, limit: usize) -> Self {
-        let counts = vec![0; if limit > 0 { nodes } else { 0 }];
-        Self { counts, order: VecDeque::with_capacity(limit), limit }
-    }
-
-    /// Continues with the choices of another texture of the same model and limit. Allocates nothing.
-    pub fn follow(&mut self, other: &Self) {
-        self.counts.copy_from_slice(&other.counts);
-        self.order.clear();
-        self.order.extend(&other.order);
-    }
-
-    /// A factor for each time that a node was chosen.
-    pub fn weight(&self, node: u32, factor: f64) -> f64 {
-        factor.powi(self.counts.get(node as usize).copied().unwrap_or(0).into())
-    }
-
-    /// Adds one, and removes the oldest if there are too many.
-    pub fn add(&mut self, node: u32) {
-        if self.limit == 0 {
-            return;
-        }
-        if self.order.len() == self.limit
-            && let Some(old) = self.order.pop_front()
-        {
-            self.counts[old as usize] -= 1;
-        }
-        self.order.push_back(node);
-        self.counts[node as usize] = self.counts[node as usize].saturating_add(1);
-    }
-}
 
 /// The candidates of the nodes of one root that are left at the end.
 #[derive(Clone, Debug, Default)]
@@ -111,8 +68,8 @@ pub struct Layer {
     pub recent: Vec<Recent>,
     /// Roots that were chosen lately.
     pub recent_roots: Recent,
-    /// The roots of the last choices, half as many as the model has.
-    pub round: Recent,
+    /// Roots that were heard lately.
+    pub round: Round,
 }
 
 impl Layer {
@@ -134,7 +91,7 @@ impl Layer {
             first: Vec::new(),
             recent: (0..depth.max(2) - 1).map(recent).collect(),
             recent_roots: of_level(0, tree.roots()),
-            round: Recent::new(tree.roots(), tree.roots() / 2),
+            round: Round::new(model),
         }
     }
 
@@ -143,6 +100,16 @@ impl Layer {
         let before = self.tree.pick(level, node as isize - 1);
         let goes_on = before != NONE && predecessor(model, level, pick, 1) == Some(before);
         self.tree.set(level, node, source_value(model, level, pick), pick, goes_on);
+    }
+
+    /// Adds the last root to the round: what is heard of its halves.
+    pub fn end_root(&mut self, model: &TextureModel) {
+        let leaves = 1 << (model.tree.depth as usize - 1);
+        for leaf in [leaves / 4, 3 * leaves / 4] {
+            if let Some(root) = self.tree.root_of_leaf(leaf) {
+                self.round.add(model, root);
+            }
+        }
     }
 
     /// The values of nodes.
@@ -202,5 +169,4 @@ impl Mixed {
     }
 }
 
-impl_state!(Recent { counts, order });
 impl_state!(Layer { tree, approximation, each recent, recent_roots, round });

@@ -8,6 +8,7 @@ pub mod morph;
 mod node_constraints;
 mod output;
 pub mod position;
+mod recent;
 pub mod rules;
 mod soundtrack_figure;
 pub mod soundtrack_report;

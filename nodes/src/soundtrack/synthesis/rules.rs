@@ -37,7 +37,7 @@ choices! {
 choices! {
     /// Effect of a weight between -1 and 1.
     pub enum WeightBias {
-        /// As a probability: with the share `p` of chance, `p + (1 - p) |w|`.
+        /// As a probability: if wanted sounds have the share `p` of the time of the recordings, `p + (1 - p) |w|`.
         Probability,
         /// A wanted node is chosen `1 + 9 w` times as often as another one, an unwanted node `1 - |w|` times.
         Monotone,

@@ -6,7 +6,7 @@ use super::layer::{Layer, Mixed};
 use super::morph::Morph;
 use super::node_constraints::NodeConstraints;
 use super::output::NONE;
-use super::rules::{SynthesisCounts, SynthesisRules};
+use super::rules::{SynthesisCounts, SynthesisRules, WeightBias};
 use super::step::{Repetition, Step};
 use crate::core::random::Random;
 use crate::impl_state;
@@ -19,10 +19,6 @@ const FEW: usize = 64;
 
 /// The longest stretch is drawn for each root, between this share of it and the whole.
 const SHORTEST_RUN: f64 = 0.25;
-
-/// The weight of a root for each time that it was among the recent choices, half as many as there are roots. So a minute has the statistics of a
-/// recording, however few roots are loud; the probability of what a score wants is unchanged.
-const AGAIN: f64 = 0.02;
 
 /// The set of a root in which two sounds are mixed.
 const MIXTURE: u32 = NONE - 1;
@@ -153,12 +149,15 @@ impl Synthesizer {
             Some(_) => [MIXTURE; 2],
             None => wanted.own.map(|own| own.map_or(NONE, |c| c.set as u32)),
         };
-        let goes_on = sets == self.sets && sets[0] != MIXTURE;
+        let is_same = sets == self.sets;
+        let goes_on = is_same && sets[0] != MIXTURE;
         self.sets = sets;
+        if !is_same {
+            self.layers.iter_mut().for_each(|layer| layer.round.clear());
+        }
         let picks = self.picks(&wanted, root, 0, 0, true);
         for (layer, pick) in self.layers.iter_mut().zip(picks) {
             layer.recent_roots.add(pick);
-            layer.round.add(pick);
             let channels = layer.approximation.len();
             let k = pick as usize * channels;
             layer.approximation.copy_from_slice(&self.model.tree.approximation[k..k + channels]);
@@ -190,6 +189,7 @@ impl Synthesizer {
         let join = tree.root_of_leaf(-1).zip(tree.root_of_leaf(0)).filter(|_| goes_on);
         self.joins.advance(&self.model, join);
         for layer in &mut self.layers {
+            layer.end_root(&self.model);
             self.counts.capped += std::mem::take(&mut layer.classes.capped);
         }
     }
@@ -306,7 +306,6 @@ impl Synthesizer {
         counts.steps += 1;
         let uniform = |lane| random.uniform(entity, index, lane);
         let weight = |m: u32| step.continuity(m);
-        let balanced = |m: u32| step.continuity(m) * if is_root { round.weight(m, AGAIN) } else { 1.0 };
         let complete = step.depth();
         let mut pick = |best: Best, counts: &mut SynthesisCounts| {
             if !is_root {
@@ -314,7 +313,14 @@ impl Synthesizer {
             }
             counts.candidates += best.nodes.len() as u64;
             counts.partial += u64::from(best.ancestors < complete);
-            draw(&best.nodes, balanced, uniform(0))
+            // Below blocks, what matches is a part of one.
+            if !is_root && level > 0 {
+                return draw(&best.nodes, weight, uniform(0));
+            }
+            let preferences = || best.nodes.iter().map(|m| round.preference(model, *m));
+            let greatest = preferences().fold(f64::NEG_INFINITY, f64::max);
+            let preferred = |m: u32| weight(m) * libm::exp(round.preference(model, m) - greatest);
+            draw(&best.nodes, preferred, uniform(0))
         };
         let approximate = |set: Option<&NodeSet>, counts: &mut SynthesisCounts| {
             counts.approximate += 1;
@@ -363,7 +369,13 @@ impl Synthesizer {
             (Some(best), None) | (None, Some(best)) => pick(best, counts),
             (Some(wanted), Some(others)) => {
                 let total = |best: &Best| best.nodes.iter().map(|m| weight(*m)).sum();
-                let p = probability(rules, main.weight, total(&wanted), total(&others));
+                let [of_wanted, of_others] = match rules.bias {
+                    WeightBias::Probability => {
+                        step.constraints.sets[main.set].shares(&model.tree, main.weight)
+                    }
+                    WeightBias::Monotone | WeightBias::Paper => [total(&wanted), total(&others)],
+                };
+                let p = probability(rules, main.weight, of_wanted, of_others);
                 // One draw for all nodes below a root: a stretch is of one kind as far as the weights are the same.
                 let is_wanted = random.uniform(0, root as u64, 1) < p;
                 pick(if is_wanted { wanted } else { others }, counts)

@@ -67,8 +67,8 @@ params! {
         /// Longest stretch of a recording that is repeated unchanged, if there is another choice; None for no limit. Stretches that end for this
         /// reason have random lengths: from a quarter of it, or from a block where two fit and the recording has blocks that end before loud sounds;
         /// where three blocks fit, short ones are more likely. Blocks are joined where the recording has similar levels, and rarely where it is loud
-        /// above 8 kHz. Each block is about as frequent as any: of those that match equally well, one that was chosen in the last half of a round of
-        /// all blocks is 50 times less likely.
+        /// above 8 kHz. Of the blocks that match equally well, those that were heard less often lately are preferred, and so are those of
+        /// a loudness that was heard less often than in the recording.
         max_run: Option<f64> = Some(1.0), unit "s", range 0.001..=3600.0;
         /// Probability that a node remains a candidate, for each choice of it within `memory`, if there are others; 1 for no preference.
         repetition: f64 = 1.0, unit "", range 0.0..=1.0;
@@ -182,7 +182,7 @@ impl Node for TextureSynthesis {
     const NAME: &'static str = "TextureSynthesis";
     const CLASS: Class = Class::Worker;
     const COST: f64 = 100.0;
-    const VERSION: u32 = 9;
+    const VERSION: u32 = 10;
 
     fn shape(p: &TextureSynthesisParams, s: &mut Shape<'_, '_, TextureSynthesisPorts>) -> Result<(), Reject> {
         if let Some(weights) = s.optional(TextureSynthesisPorts::weights) {

@@ -148,7 +148,7 @@ impl Func for TreeStep {
     type Params = TreeStepParams;
     type Ports = TreeStepPorts;
     const NAME: &'static str = "TreeStep";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
 
     fn eval(p: &TreeStepParams, cx: &Build<'_>, mut io: TreeStepIo<'_>) -> Result<Summary, Fault> {
         let model = cx.value(TreeStepPorts::model);

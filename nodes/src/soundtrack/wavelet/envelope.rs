@@ -27,6 +27,9 @@ const CLASSES: usize = 4;
 const MEMBERS: usize = 8;
 /// The minimum number of borders before loud ones at which stretches can end instead.
 const BEFORE: usize = 4;
+/// The greatest number of classes of loudness of a recording, and the least number of roots in each.
+const LOUDNESS_CLASSES: usize = 16;
+const LOUDNESS_MEMBERS: usize = 8;
 
 /// Kind of a border of two roots, by its level above 8 kHz.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,6 +70,10 @@ pub struct Envelopes {
     borders: Vec<[Border; 2]>,
     /// By recording, true if it has borders before loud ones.
     avoids: Vec<bool>,
+    /// By root, its class of loudness.
+    loudness: Vec<u32>,
+    /// By class of loudness, the share of all roots in it.
+    loudness_shares: Vec<f64>,
 }
 
 impl Envelopes {
@@ -98,6 +105,7 @@ impl Envelopes {
         own.borders = own.classes(tree);
         let is_before = |root| own.borders(root)[1].kind == BorderKind::BeforeLoud;
         own.avoids = tree.sources.iter().map(|s| (s.first..s.first + s.roots).any(is_before)).collect();
+        own.rank(tree);
         own
     }
 
@@ -130,6 +138,38 @@ impl Envelopes {
     #[must_use]
     pub fn avoids_loud_borders(&self, source: usize) -> bool {
         self.avoids.get(source).copied().unwrap_or(false)
+    }
+
+    /// The class of loudness of a root: its mean level over octaves, in classes of equal shares of its recording. Each recording has classes of its own.
+    #[must_use]
+    pub fn loudness(&self, root: u32) -> u32 {
+        self.loudness.get(root as usize).copied().unwrap_or(0)
+    }
+
+    /// The share of all roots in each class of loudness.
+    #[must_use]
+    pub fn loudness_shares(&self) -> &[f64] {
+        &self.loudness_shares
+    }
+
+    /// Finds the classes of loudness.
+    fn rank(&mut self, tree: &WaveletTree) {
+        self.loudness = vec![0; tree.roots()];
+        for source in &tree.sources {
+            let first = self.loudness_shares.len();
+            let mut levels: Vec<(f32, u32)> = (source.first..source.first + source.roots)
+                .map(|root| (self.of(root).iter().sum(), root))
+                .collect();
+            levels.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let classes = (levels.len() / LOUDNESS_MEMBERS).clamp(1, LOUDNESS_CLASSES);
+            let mut sizes = vec![0; classes];
+            for (k, (_, root)) in levels.iter().enumerate() {
+                let class = k * classes / levels.len();
+                self.loudness[*root as usize] = (first + class) as u32;
+                sizes[class] += 1;
+            }
+            self.loudness_shares.extend(sizes.iter().map(|size| f64::from(*size) / tree.roots() as f64));
+        }
     }
 
     /// [`borders`](Self::borders) of all roots. Each recording has classes by its own levels, so the borders of two recordings of different levels are of the same classes.

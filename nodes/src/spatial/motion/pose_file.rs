@@ -80,9 +80,9 @@ impl Node for PoseFile {
             let numbers: Vec<String> = (0..6).map(|_| rng.between(-3.0, 3.0).to_string()).collect();
             text += &format!("{time},{},4\n", numbers.join(","));
         }
-        files.insert("path.csv", text);
+        files.insert("way.csv", text);
         let rate = Rate::hz([25, 60, 1000][rng.below(3)]);
-        (PoseFileParams { path: "path.csv".into(), rate }, files)
+        (PoseFileParams { path: "way.csv".into(), rate }, files)
     }
 }
 
@@ -93,8 +93,8 @@ mod tests {
 
     fn standalone(text: &str) -> Standalone {
         let mut standalone =
-            Standalone::new::<PoseFile>(PoseFileParams { path: "path.csv".into(), rate: Rate::hz(10) });
-        standalone.files.insert("path.csv", text);
+            Standalone::new::<PoseFile>(PoseFileParams { path: "way.csv".into(), rate: Rate::hz(10) });
+        standalone.files.insert("way.csv", text);
         standalone
     }
 

@@ -200,11 +200,30 @@ fn naive_choice(
         if !is_root {
             left.borrow_mut().clone_from(&best.nodes);
         }
-        let lately =
-            if is_root { &picks[0][node.saturating_sub(model.tree.roots() / 2)..node] } else { &[][..] };
-        let again = |m: u32| lately.iter().filter(|root| **root == m).count();
-        let balanced = |m: u32| weight(m) * 0.02_f64.powi(again(m) as i32);
-        draw(&best.nodes, balanced, random.uniform(entity, index, 0)).unwrap()
+        // What was heard of each root since other sounds were wanted: two halves.
+        let root = node >> level;
+        let wanted = |root: usize| {
+            let [from, to] = [root, root + 1].map(|root| (root * model.tree.span(0)) as f64 / RATE);
+            constraints.at(from, to, Some(&mut Vec::new())).greatest().map(|c| c.set)
+        };
+        let begin = (0..root).rev().take_while(|r| wanted(*r) == wanted(root)).last().unwrap_or(root);
+        let leaves = 1 << finest;
+        let half = |h: usize| picks[finest][h / 2 * leaves + (leaves / 4) * (1 + 2 * (h % 2))] >> finest;
+        let heard: Vec<u32> = ((2 * begin).max((2 * root).saturating_sub(2 * model.tree.roots()))..2 * root)
+            .map(half)
+            .collect();
+        let class = |m: u32| model.envelopes.loudness(m);
+        let all = 0..model.tree.roots() as u32;
+        let preference = |m: u32| {
+            let times = heard.iter().filter(|root| **root == m).count() as f64;
+            let alike = heard.iter().filter(|root| class(**root) == class(m)).count() as f64;
+            let share = all.clone().filter(|root| class(*root) == class(m)).count() as f64 / all.len() as f64;
+            -times - 0.5 * (alike - share * heard.len() as f64)
+        };
+        let is_block = is_root || level == 0;
+        let most = best.nodes.iter().map(|m| preference(*m)).fold(f64::NEG_INFINITY, f64::max);
+        let preferred = |m: u32| weight(m) * if is_block { 10_f64.powf(preference(m) - most) } else { 1.0 };
+        draw(&best.nodes, preferred, random.uniform(entity, index, 0)).unwrap()
     };
     // The node that differs least.
     let least = |admits: &dyn Fn(u32) -> bool| {
@@ -268,7 +287,14 @@ fn naive_choice(
     }
     let picked = match both {
         (Some(w), Some(v)) => {
-            let [of_w, of_v] = [&w, &v].map(|best| best.nodes.iter().map(|m| weight(*m)).sum());
+            let leaves = |m: u32| constraints.sets[main.set].centred[finest].contains(m);
+            let own = (0..model.tree.nodes(finest) as u32).filter(|m| leaves(*m)).count() as f64;
+            let all = model.tree.nodes(finest) as f64;
+            let [of_w, of_v] = match rules.bias {
+                WeightBias::Probability if main.weight > 0.0 => [own / all, 1.0 - own / all],
+                WeightBias::Probability => [1.0 - own / all, own / all],
+                _ => [&w, &v].map(|best| best.nodes.iter().map(|m| weight(*m)).sum()),
+            };
             let p = probability(rules, main.weight, of_w, of_v);
             pick(if random.uniform(0, (node >> level) as u64, 1) < p { w } else { v })
         }
