@@ -303,7 +303,7 @@ impl Step<'_> {
         for limits in self.limits() {
             let found =
                 self.pair_of(classes, &is_wanted, |m| self.is_allowed(m) && self.is_within(m, limits));
-            // The share of chance is that of candidates by the same limits.
+            // A draw is between candidates within the same limits.
             let is_choice = |kind: &Option<Best>| kind.as_ref().is_some_and(|best| self.is_choice(best));
             if limits.alike && !(is_choice(&found.wanted) && is_choice(&found.others)) {
                 continue;
