@@ -54,12 +54,4 @@ impl SourceSet {
         let centred = (0..depth).map(centred).collect();
         Self { sources: sources.to_vec(), included, excluded, centred }
     }
-
-    /// The shares of the time of all recordings that a weight wants and that it does not want: of an exclusion, the sounds are the unwanted share.
-    #[must_use]
-    pub fn shares(&self, tree: &WaveletTree, weight: f64) -> [f64; 2] {
-        let level = self.centred.len().saturating_sub(1);
-        let own = self.centred.last().map_or(0, NodeSet::len) as f64 / tree.nodes(level).max(1) as f64;
-        if weight > 0.0 { [own, 1.0 - own] } else { [1.0 - own, own] }
-    }
 }

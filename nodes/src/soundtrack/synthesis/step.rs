@@ -5,7 +5,7 @@ use super::classes::{Classes, are_similar, matches, path, source_value};
 use super::output::{NONE, OutputTree};
 use super::rules::{MatchCount, MatchCriterion, SynthesisRules};
 use crate::core::random::Random;
-use crate::soundtrack::score::{Constraints, NodeSet};
+use crate::soundtrack::score::{Constraint, Constraints, NodeSet};
 use crate::soundtrack::wavelet::{BorderKind, TextureModel};
 
 /// Ancestors that count for the most similar node.
@@ -91,6 +91,18 @@ impl Step<'_> {
     /// The greatest number of ancestors that can match.
     pub fn depth(&self) -> usize {
         if self.is_root { 1 } else { self.level + 1 }
+    }
+
+    /// The shares of the time of the recordings that a constraint wants and that it does not want, without what must not occur.
+    pub fn shares(&self, wanted: Constraint) -> [f64; 2] {
+        let finest = self.model.tree.depth as usize - 1;
+        let sets = &self.constraints.sets;
+        let excluded = NodeSet::union(self.forbidden.iter().map(|set| &sets[*set].excluded[finest]));
+        let all = self.model.tree.nodes(finest).saturating_sub(excluded.len()).max(1) as f64;
+        let sounds = &sets[wanted.set].centred[finest];
+        let own =
+            if excluded.is_empty() { sounds.len() } else { sounds.without(&excluded).len() } as f64 / all;
+        if wanted.weight > 0.0 { [own, 1.0 - own] } else { [1.0 - own, own] }
     }
 
     /// The node that is `distance` after another one in its recording.

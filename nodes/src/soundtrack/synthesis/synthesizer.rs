@@ -54,6 +54,8 @@ pub struct Synthesizer {
     joins: JoinGains,
     /// The sets of the constraints of the last root by layer; [`NONE`] without one, [`MIXTURE`] where two are mixed.
     sets: [u32; 2],
+    /// The sets that must not occur in the last root, a bit each; of more than 64, some share one.
+    forbidden: u64,
     has_masks: bool,
     /// Counts so far.
     pub counts: SynthesisCounts,
@@ -77,6 +79,7 @@ impl Synthesizer {
         }
         self.joins.follow(&other.joins);
         self.sets = other.sets;
+        self.forbidden = other.forbidden;
         self.next = other.next;
         self.counts = other.counts;
     }
@@ -98,6 +101,7 @@ impl Synthesizer {
             mixed: morphs.then(|| Mixed::new(morph(), &model)),
             joins: JoinGains::new(&model, rules.join_gain),
             sets: [NONE; 2],
+            forbidden: 0,
             has_masks: model.tree.sources.iter().any(|s| !s.wraps),
             constraints,
             rules,
@@ -149,12 +153,12 @@ impl Synthesizer {
             Some(_) => [MIXTURE; 2],
             None => wanted.own.map(|own| own.map_or(NONE, |c| c.set as u32)),
         };
-        let is_same = sets == self.sets;
-        let goes_on = is_same && sets[0] != MIXTURE;
-        self.sets = sets;
-        if !is_same {
+        let forbidden = wanted.forbidden.iter().fold(0, |bits, set| bits | 1 << (set % 64));
+        let goes_on = sets == self.sets && sets[0] != MIXTURE;
+        if (sets, forbidden) != (self.sets, self.forbidden) {
             self.layers.iter_mut().for_each(|layer| layer.round.clear());
         }
+        (self.sets, self.forbidden) = (sets, forbidden);
         let picks = self.picks(&wanted, root, 0, 0, true);
         for (layer, pick) in self.layers.iter_mut().zip(picks) {
             layer.recent_roots.add(pick);
@@ -370,9 +374,7 @@ impl Synthesizer {
             (Some(wanted), Some(others)) => {
                 let total = |best: &Best| best.nodes.iter().map(|m| weight(*m)).sum();
                 let [of_wanted, of_others] = match rules.bias {
-                    WeightBias::Probability => {
-                        step.constraints.sets[main.set].shares(&model.tree, main.weight)
-                    }
+                    WeightBias::Probability => step.shares(main),
                     WeightBias::Monotone | WeightBias::Paper => [total(&wanted), total(&others)],
                 };
                 let p = probability(rules, main.weight, of_wanted, of_others);
@@ -410,7 +412,7 @@ fn longest_run(
     Some(shortest + (longest - shortest) * draw)
 }
 
-impl_state!(Synthesizer { next, each layers, joins, sets, counts });
+impl_state!(Synthesizer { next, each layers, joins, sets, forbidden, counts });
 
 #[cfg(test)]
 mod tests;

@@ -2,6 +2,7 @@
 
 use super::*;
 use std::cell::RefCell;
+use std::collections::HashSet;
 
 /// The same by comparing each node of the model, level by level over the whole output.
 pub(super) fn naive(
@@ -204,7 +205,9 @@ fn naive_choice(
         let root = node >> level;
         let wanted = |root: usize| {
             let [from, to] = [root, root + 1].map(|root| (root * model.tree.span(0)) as f64 / RATE);
-            constraints.at(from, to, Some(&mut Vec::new())).greatest().map(|c| c.set)
+            let mut forbidden = Vec::new();
+            let set = constraints.at(from, to, Some(&mut forbidden)).greatest().map(|c| c.set);
+            (set, forbidden.into_iter().collect::<HashSet<usize>>())
         };
         let begin = (0..root).rev().take_while(|r| wanted(*r) == wanted(root)).last().unwrap_or(root);
         let leaves = 1 << finest;
@@ -287,9 +290,12 @@ fn naive_choice(
     }
     let picked = match both {
         (Some(w), Some(v)) => {
-            let leaves = |m: u32| constraints.sets[main.set].centred[finest].contains(m);
-            let own = (0..model.tree.nodes(finest) as u32).filter(|m| leaves(*m)).count() as f64;
-            let all = model.tree.nodes(finest) as f64;
+            let sets = &constraints.sets;
+            let left: Vec<u32> = (0..model.tree.nodes(finest) as u32)
+                .filter(|m| !forbidden.iter().any(|set| sets[*set].excluded[finest].contains(*m)))
+                .collect();
+            let own = left.iter().filter(|m| sets[main.set].centred[finest].contains(**m)).count() as f64;
+            let all = left.len() as f64;
             let [of_w, of_v] = match rules.bias {
                 WeightBias::Probability if main.weight > 0.0 => [own / all, 1.0 - own / all],
                 WeightBias::Probability => [1.0 - own / all, own / all],
