@@ -63,7 +63,7 @@ impl Recent {
 /// The roots that were heard in the last round: as many as the model has, by halves of roots.
 ///
 /// Roots that were heard less often than others are preferred, and so are those of the classes of loudness that were heard less often than in the
-/// recordings; where other sounds are wanted, another round begins. So a minute has the statistics of a recording, however few of its roots are loud.
+/// recordings; where other sounds are wanted or forbidden, another round begins. So a minute has the statistics of a recording, however few of its roots are loud.
 #[derive(Clone, Debug, Default)]
 pub struct Round {
     roots: Recent,
