@@ -12,7 +12,8 @@ use crate::unit::selection::selector::NotFinite;
 /// from everywhere, so that one minimum per row represents all of them. Of equal paths, one without a jump is taken.
 ///
 /// # Shapes
-/// `target`: `[n * dims]`. `block`: rows between checkpoints, which changes nothing but memory and time; `None` for about sqrt n.
+/// `target`: `[n * dims]`. `block`: rows between checkpoints, which changes nothing but memory and time; `None` for about sqrt n, and none where all
+/// decisions fit into 64 MiB.
 ///
 /// # Errors
 /// A feature of the target that is not finite.
@@ -24,9 +25,10 @@ use crate::unit::selection::selector::NotFinite;
 ///
 /// # Complexity
 /// For each target the time of a search for the units within the least cost of a row, about the mean distance of units that are chosen, and of the
-/// units whose cost exceeds the least by less than a jump: some hundreds of ten thousands where a jump costs as much as such a distance. Twice,
-/// and again for parts of the target that are repaired. At most O(n m dims). 8 bytes for each of those units at the ends of blocks of 32 targets
-/// or more, at most `4 m sqrt n`, and `4 m` per thread for the decisions of a block.
+/// units whose cost exceeds the least by less than a jump: some hundreds of ten thousands where a jump costs as much as such a distance. Once if
+/// the decisions of all rows, `n m / 8` bytes, take at most 64 MiB, and else twice; again for parts of the target that are repaired. At most O(n m dims).
+/// 8 bytes for each of those units at the ends of blocks of 32 targets or more, at most `4 m sqrt n`, and these decisions, or `4 m` bytes per thread
+/// for those of a block.
 ///
 /// # Source
 /// Viterbi (1967) for the programme, over states that can still be part of the best path; Hirschberg (1975) and Grice, Hughey and Speck, "Reduced space sequence alignment" (1997) for the

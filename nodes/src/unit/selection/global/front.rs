@@ -239,6 +239,11 @@ pub(super) struct Decisions {
 impl_state!(Decisions { bits, sources });
 
 impl Decisions {
+    /// Bytes of rows of a number of columns.
+    pub fn bytes(columns: usize, rows: usize) -> usize {
+        (columns.div_ceil(WORD) + 1).saturating_mul(rows).saturating_mul(size_of::<u64>())
+    }
+
     pub fn new(columns: usize, rows: usize) -> Self {
         let words = columns.div_ceil(WORD);
         Self { words, bits: vec![0; words * rows], sources: vec![0; rows] }

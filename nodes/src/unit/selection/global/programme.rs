@@ -10,7 +10,9 @@ use std::collections::BTreeMap;
 const SHORT: usize = 32;
 /// Number of active columns for which a block is one row longer: fronts are stored at its ends, decisions for its rows.
 const COLUMNS_PER_ROW: usize = 150;
-/// Blocks whose decisions are stored at once, for each thread.
+/// Most bytes for the decisions of all rows. Where they take more, those of some blocks are computed again for each path.
+const DECISION_BYTES: usize = 64 << 20;
+/// Blocks whose decisions are then stored at once, for each thread.
 const DECIDED: usize = 8;
 /// Number of places at which some rows are computed to estimate the number of active columns.
 const PLACES: usize = 16;
@@ -26,6 +28,8 @@ pub(super) struct Programme<'a> {
     pub block: usize,
     /// The front before each block, and the last.
     fronts: Vec<Front>,
+    /// Decisions of each block between its fronts; empty if they would take too much memory.
+    decisions: Vec<Decisions>,
     /// The best path, in columns.
     pub path: Vec<usize>,
     /// Surcharges of cells, by row.
@@ -41,10 +45,14 @@ impl<'a> Programme<'a> {
             price: Price::new(params),
             block: 1,
             fronts: Vec::new(),
+            decisions: Vec::new(),
             path: vec![0; rows],
             surcharges: BTreeMap::new(),
         };
         this.block = block.unwrap_or_else(|| this.block_length()).clamp(1, rows);
+        if block.is_none() && Decisions::bytes(table.count(), rows) <= DECISION_BYTES {
+            this.decisions = (0..this.blocks()).map(|b| this.no_decisions(b)).collect();
+        }
         this
     }
 
@@ -111,14 +119,16 @@ impl<'a> Programme<'a> {
         // Costs are over the least of each row, so that a detour is soon forgotten: most blocks end as they did.
         while !stale.is_empty() {
             let this = &*self;
-            let run =
-                |scratch: &mut Scratch, b: usize| this.run_block(b, this.fronts[b].clone(), scratch, None);
-            let ends: Vec<(usize, Front)> = stale
+            let ends: Vec<_> = stale
                 .par_iter()
-                .map_init(|| Scratch::new(columns), |scratch, &b| (b, run(scratch, b)))
+                .map_init(
+                    || Scratch::new(columns),
+                    |scratch, &b| (b, this.run_stored(b, this.fronts[b].clone(), scratch)),
+                )
                 .collect();
             stale.clear();
-            for (b, end) in ends {
+            for (b, (end, decisions)) in ends {
+                self.store(b, decisions);
                 if self.fronts[b + 1] != end {
                     self.fronts[b + 1] = end;
                     if b + 1 < computed.len() {
@@ -139,7 +149,7 @@ impl<'a> Programme<'a> {
         let part = blocks.div_ceil(rayon::current_num_threads());
         let starts: Vec<usize> = (0..blocks).step_by(part).collect();
         let this = &*self;
-        let parts: Vec<Vec<Front>> = starts
+        let parts: Vec<_> = starts
             .par_iter()
             .map(|&from| {
                 let mut scratch = Scratch::new(columns);
@@ -147,16 +157,18 @@ impl<'a> Programme<'a> {
                 if let Some(before) = from.checked_sub(1) {
                     front = this.run_block(before, front, &mut scratch, None);
                 }
-                let mut fronts = vec![front];
+                let (mut fronts, mut decisions) = (vec![front], Vec::new());
                 for b in from..(from + part).min(blocks) {
-                    let next = this.run_block(b, fronts[fronts.len() - 1].clone(), &mut scratch, None);
+                    let (next, decided) = this.run_stored(b, fronts[fronts.len() - 1].clone(), &mut scratch);
                     fronts.push(next);
+                    decisions.push(decided);
                 }
-                fronts
+                (fronts, decisions)
             })
             .collect();
         let mut stale = Vec::new();
-        for (from, mut fronts) in starts.into_iter().zip(parts) {
+        for (from, (mut fronts, decisions)) in starts.into_iter().zip(parts) {
+            decisions.into_iter().zip(from..).for_each(|(decisions, b)| self.store(b, decisions));
             if self.fronts.last().is_some_and(|end| *end != fronts[0]) {
                 stale.push(from);
             }
@@ -166,9 +178,25 @@ impl<'a> Programme<'a> {
         stale
     }
 
+    /// The rows of a block, and the decisions for them if they are stored.
+    fn run_stored(&self, b: usize, front: Front, scratch: &mut Scratch) -> (Front, Option<Decisions>) {
+        let mut decisions = (!self.decisions.is_empty()).then(|| self.no_decisions(b));
+        (self.run_block(b, front, scratch, decisions.as_mut()), decisions)
+    }
+
+    fn store(&mut self, b: usize, decisions: Option<Decisions>) {
+        if let Some((to, decisions)) = self.decisions.get_mut(b).zip(decisions) {
+            *to = decisions;
+        }
+    }
+
+    /// Room for the decisions of a block.
+    fn no_decisions(&self, b: usize) -> Decisions {
+        Decisions::new(self.table.count(), self.block.min(self.path.len() - b * self.block))
+    }
+
     fn decide(&self, b: usize, scratch: &mut Scratch) -> Decisions {
-        let rows = self.block.min(self.path.len() - b * self.block);
-        let mut decisions = Decisions::new(self.table.count(), rows);
+        let mut decisions = self.no_decisions(b);
         self.run_block(b, self.fronts[b].clone(), scratch, Some(&mut decisions));
         decisions
     }
@@ -181,7 +209,7 @@ impl<'a> Programme<'a> {
             let rows = b * self.block..((b + 1) * self.block).min(self.path.len());
             let same = !stale[b] && self.path[rows.end - 1] == end;
             if !same {
-                if !ready.contains_key(&b) {
+                if self.decisions.is_empty() && !ready.contains_key(&b) {
                     // Blocks depend on each other only by their ends: some at once for each thread.
                     let mut group: Vec<usize> = (0..b).rev().filter(|&b| stale[b]).collect();
                     group.truncate(DECIDED * rayon::current_num_threads() - 1);
@@ -193,7 +221,8 @@ impl<'a> Programme<'a> {
                         .collect();
                     ready.extend(decided);
                 }
-                let Some(decisions) = ready.remove(&b) else { return };
+                let ready = ready.remove(&b);
+                let Some(decisions) = ready.as_ref().or(self.decisions.get(b)) else { return };
                 for (k, i) in rows.clone().enumerate().rev() {
                     self.path[i] = end;
                     end = decisions.before(k, end);
