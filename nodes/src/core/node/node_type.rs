@@ -19,6 +19,14 @@ pub trait DynNode: Send {
     /// # Errors
     /// As [`Node::run`].
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault>;
+    /// As [`Node::TAKES_BLOCKS`].
+    fn takes_blocks(&self) -> bool {
+        false
+    }
+    /// As [`Node::process_block`].
+    fn process_block(&mut self, input: &[f32], out: &mut [f32]) {
+        let _ = (input, out);
+    }
     /// Ends the run.
     ///
     /// # Errors
@@ -61,6 +69,14 @@ struct Wrap<N>(N);
 impl<N: Node> DynNode for Wrap<N> {
     fn run(&mut self, cx: &Cx<'_>) -> Result<(), Fault> {
         self.0.run(N::Ports::open(cx))
+    }
+
+    fn takes_blocks(&self) -> bool {
+        N::TAKES_BLOCKS
+    }
+
+    fn process_block(&mut self, input: &[f32], out: &mut [f32]) {
+        self.0.process_block(input, out);
     }
 
     fn finish(&mut self, cx: &Cx<'_>) -> Result<Summary, Fault> {

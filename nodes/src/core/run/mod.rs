@@ -1,5 +1,6 @@
 //! Execution: a stage of wired nodes, and one node standalone.
 
+mod block_wires;
 pub mod stage;
 pub mod standalone;
 mod standalone_run;

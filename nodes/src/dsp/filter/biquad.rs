@@ -70,6 +70,7 @@ impl Node for BiquadNode {
     type Ports = FilterPorts;
     const NAME: &'static str = "Biquad";
     const CLASS: Class = Class::Audio;
+    const TAKES_BLOCKS: bool = true;
     const COST: f64 = 6.0;
 
     fn shape(p: &BiquadParams, s: &mut Shape<'_, '_, FilterPorts>) -> Result<(), Reject> {
@@ -86,10 +87,13 @@ impl Node for BiquadNode {
     }
 
     fn run(&mut self, mut io: FilterIo<'_>) -> Result<(), Fault> {
-        let out = io.out.items();
-        out.copy_from_slice(io.audio.items());
-        self.filter.process(out);
+        self.process_block(io.audio.items(), io.out.items());
         Ok(())
+    }
+
+    fn process_block(&mut self, input: &[f32], out: &mut [f32]) {
+        out.copy_from_slice(input);
+        self.filter.process(out);
     }
 
     fn retune(&mut self, new: &BiquadParams) -> Retune {

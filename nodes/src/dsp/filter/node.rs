@@ -36,6 +36,7 @@ macro_rules! butterworth_node {
             const NAME: &'static str = $name;
             const CLASS: Class = Class::Audio;
             const COST: f64 = 8.0;
+            const TAKES_BLOCKS: bool = true;
 
             fn shape(p: &$params, s: &mut Shape<'_, '_, FilterPorts>) -> Result<(), Reject> {
                 let audio = s.input(FilterPorts::audio);
@@ -51,10 +52,13 @@ macro_rules! butterworth_node {
             }
 
             fn run(&mut self, mut io: FilterIo<'_>) -> Result<(), Fault> {
-                let out = io.out.items();
-                out.copy_from_slice(io.audio.items());
-                self.filter.process(out);
+                self.process_block(io.audio.items(), io.out.items());
                 Ok(())
+            }
+
+            fn process_block(&mut self, input: &[f32], out: &mut [f32]) {
+                out.copy_from_slice(input);
+                self.filter.process(out);
             }
 
             fn retune(&mut self, new: &$params) -> Retune {

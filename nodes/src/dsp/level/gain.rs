@@ -63,6 +63,7 @@ impl Node for GainNode {
     type Ports = GainPorts;
     const NAME: &'static str = "Gain";
     const CLASS: Class = Class::Audio;
+    const TAKES_BLOCKS: bool = true;
 
     fn shape(_: &GainParams, s: &mut Shape<'_, '_, GainPorts>) -> Result<(), Reject> {
         let audio = s.input(GainPorts::audio);
@@ -82,7 +83,6 @@ impl Node for GainNode {
         Ok(Self { gain, db })
     }
 
-    #[inline]
     fn run(&mut self, mut io: GainIo<'_>) -> Result<(), Fault> {
         let out = io.out.items();
         match io.gain {
@@ -90,9 +90,13 @@ impl Node for GainNode {
                 out.copy_from_slice(io.audio.items());
                 modulate(out, io.audio.width(), control.items(), control.width(), self.db);
             }
-            None => self.gain.apply(io.audio.items(), out),
+            None => self.process_block(io.audio.items(), out),
         }
         Ok(())
+    }
+
+    fn process_block(&mut self, input: &[f32], out: &mut [f32]) {
+        self.gain.apply(input, out);
     }
 
     fn retune(&mut self, new: &GainParams) -> Retune {
