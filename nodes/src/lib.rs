@@ -6,7 +6,7 @@
 //! that is pulled tight, [`modal`] for objects that are struck, [`material`] for their damping and [`solid`] for their modes from a shape,
 //! [`rigid`], [`texture`] and [`scrape`] for bodies that roll and scrape over surfaces, [`spatial`] for sounds in space, [`feature`], [`warp`] and [`mod@unit`] for sounds
 //! put together from recordings, [`grain`] for grains of recordings that follow contacts, [`likeness`] for comparisons with recordings, [`take`] for takes cut out of raw
-//! recordings, and [`table`] for tables of results. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
+//! recordings, and [`table`] for tables of results. [`statistics`] is what estimates of several families share. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
 //! needs first.
 //!
 //! # Mel cepstrum of a sound
@@ -73,6 +73,7 @@ pub mod scrape;
 pub mod solid;
 pub mod soundtrack;
 pub mod spatial;
+pub mod statistics;
 pub mod table;
 pub mod take;
 pub mod tension;
