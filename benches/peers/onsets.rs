@@ -5,7 +5,7 @@
 
 use super::data::Rng;
 use super::measure::Item;
-use foley_nodes::grain::segmentation::{FluxFrames, ONSET_RISE, onsets, spectral_flux};
+use foley_nodes::feature::{FluxFrames, ONSET_RISE, onsets, spectral_flux};
 
 const RATE: f64 = 44_100.0;
 const SAMPLES: usize = 225 * 44_100;

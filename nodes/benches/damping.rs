@@ -10,10 +10,10 @@ use foley_nodes::material::estimation::lower_bound::lower_bound;
 use foley_nodes::material::estimation::mixture::{MixtureOptions, fit_mixture};
 use foley_nodes::material::estimation::point::Sample;
 use foley_nodes::material::estimation::uncertainty::{bootstrap, refit};
-use foley_nodes::material::statistics::normal::normal_quantile;
 use foley_nodes::material::{DampingPoint, Family, FitOptions};
 use foley_nodes::modal::extraction::poles::resynthesis;
 use foley_nodes::modal::{ExtractParams, Feature, extract};
+use foley_nodes::statistics::normal::normal_quantile;
 use std::f64::consts::TAU;
 
 /// Each figure is the best of this many repetitions, which is least affected by other programs.

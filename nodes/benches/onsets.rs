@@ -5,7 +5,7 @@
 //! and what was doubtful is outside of the spans. 22 of the recordings are in `graphs/assets`; the others are read from `recordings` of the
 //! folder that `FOLEY_DATA` names, and left out if they are not there. librosa and aubio run in Python if it has them.
 
-use foley_nodes::grain::segmentation::{FluxFrames, ONSET_RISE, onsets};
+use foley_nodes::feature::{FluxFrames, ONSET_RISE, onsets};
 use foley_nodes::io::AudioReader;
 use std::collections::BTreeMap;
 use std::fs::File;

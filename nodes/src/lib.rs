@@ -6,7 +6,7 @@
 //! that is pulled tight, [`modal`] for objects that are struck, [`material`] for their damping and [`solid`] for their modes from a shape,
 //! [`rigid`], [`texture`] and [`scrape`] for bodies that roll and scrape over surfaces, [`spatial`] for sounds in space, [`feature`], [`warp`] and [`mod@unit`] for sounds
 //! put together from recordings, [`grain`] for grains of recordings that follow contacts, [`likeness`] for comparisons with recordings, [`take`] for takes cut out of raw
-//! recordings, and [`table`] for tables of results. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
+//! recordings, and [`table`] for tables of results. [`statistics`] is what estimates of several families share. [`core`] defines nodes, and [`prelude`] holds the names of each family that a program
 //! needs first.
 //!
 //! # Mel cepstrum of a sound
@@ -58,10 +58,12 @@ pub mod curvature;
 pub mod dsp;
 pub mod feature;
 pub mod friction;
+#[cfg(feature = "grains")]
 pub mod grain;
 pub mod io;
 pub mod likeness;
 pub mod live_input;
+#[cfg(feature = "material")]
 pub mod material;
 pub mod mesh;
 pub mod modal;
@@ -69,13 +71,18 @@ pub mod plot;
 pub mod prelude;
 pub mod registry;
 pub mod rigid;
+#[cfg(feature = "texture")]
 pub mod scrape;
+#[cfg(feature = "material")]
 pub mod solid;
+#[cfg(feature = "numbers")]
 pub mod soundtrack;
 pub mod spatial;
+pub mod statistics;
 pub mod table;
 pub mod take;
 pub mod tension;
+#[cfg(feature = "texture")]
 pub mod texture;
 pub mod unit;
 pub mod warp;

@@ -49,8 +49,11 @@ pub mod texture {
     pub use crate::core::time::Rate;
     pub use crate::modal::{Bank, ForceRing, Impact, Modes, PulseShape, read_impacts, read_modes};
     pub use crate::rigid::{Classifier, ContactFrame, ContactState, LogOptions, Rules, read_contacts};
+    #[cfg(feature = "texture")]
     pub use crate::scrape::{IsophoteForce, MapForce, NoiseForce, PathPiece, PathRules, Tracker};
+    #[cfg(feature = "texture")]
     pub use crate::texture::decode::decode;
+    #[cfg(feature = "texture")]
     pub use crate::texture::{Drawing, Grid, Isophotes, Levels, Luma, LumaKind, Surface, Wrap, isophotes};
 }
 
@@ -66,6 +69,7 @@ pub mod recordings {
 }
 
 /// Soundtracks that follow motion: textures, scores, queries.
+#[cfg(feature = "numbers")]
 pub mod soundtrack {
     pub use crate::soundtrack::matching::{
         QueryRules, best_matches, best_path, candidates, cuts, path_to_score, spots,

@@ -7,7 +7,7 @@ use super::run::write_whole;
 use crate::docs::{page, page_names, pages};
 use anyhow::Context as _;
 use clap::CommandFactory as _;
-use foley_nodes::registry::Registry;
+use foley_nodes::registry::{Registry, omitted_features};
 use std::fs;
 use std::io::Write as _;
 
@@ -49,6 +49,14 @@ fn print(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
 }
 
 fn generate(args: &DocsArgs, registry: &Registry) -> anyhow::Result<Exit> {
+    let omitted: Vec<&str> = omitted_features().collect();
+    if !omitted.is_empty() {
+        super::console::print_message(format_args!(
+            "the reference describes the node types of all features; this build does not have {}",
+            omitted.join(", ")
+        ));
+        return Ok(Exit::Wrong);
+    }
     let source = args.root.join("docs/src");
     if !source.join("SUMMARY.md").is_file() {
         super::console::print_message(format_args!(

@@ -4,7 +4,7 @@ use super::Exit;
 use super::args::NodesArgs;
 use super::console::stdout;
 use crate::docs::{param_words, plain, port_words};
-use crate::graph::nearest;
+use crate::graph::{nearest, omitted};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::{ParamKind, ParamSpec};
 use foley_nodes::core::ports::{Arity, PortSpec};
@@ -29,6 +29,11 @@ pub fn nodes(args: &NodesArgs, registry: &Registry) -> anyhow::Result<Exit> {
             false => write!(stdout(), "{}", page(ty))?,
         }
         return Ok(Exit::Done);
+    }
+    if let Some(feature) = registry.omitted(name) {
+        let [message, help] = omitted(name, feature);
+        super::console::print_message(format_args!("{message}; {help}"));
+        return Ok(Exit::Wrong);
     }
     let word = name.to_lowercase();
     let holds = |ty: &&NodeType| {

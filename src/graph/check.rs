@@ -9,7 +9,7 @@ use super::outputs;
 use super::raw_node::RawNode;
 use super::root::join;
 use super::sound;
-use super::suggest::{help, nearest};
+use super::suggest::{help, nearest, omitted};
 use super::upgrade::{former_field, renamed_type};
 use super::values::{Given, Origin};
 use super::{Graph, GraphNode, Link};
@@ -124,6 +124,11 @@ fn fields(node: &RawNode, loader: &mut Loader) -> Option<CheckedNode> {
         Diagnostic::error(code, message, location.clone()).node(&node.id)
     };
     let Some(ty) = loader.registry.get(&node.type_name).map(Arc::clone) else {
+        if let Some(feature) = loader.registry.omitted(&node.type_name) {
+            let [message, help] = omitted(&node.type_name, feature);
+            loader.found.push(error("F010", message, &node.type_location).help(help));
+            return None;
+        }
         let near = nearest(&node.type_name, loader.registry.types().iter().map(|ty| ty.name));
         let hint = near.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
         let message = format!("there is no node type `{}`", node.type_name);

@@ -39,7 +39,7 @@ pub use outputs::{output_path, written};
 pub use parameters::message_source;
 pub use raw_node::valid_id;
 pub use root::{Root, join};
-pub use suggest::{help as suggestion, nearest};
+pub use suggest::{help as suggestion, nearest, omitted};
 pub use texts::{Texts, read_text};
 pub use upgrade::{Upgraded, upgrade};
 pub use values::Override;

@@ -35,6 +35,17 @@ pub fn help<'a>(found: &str, what: &str, names: impl IntoIterator<Item = &'a str
     }
 }
 
+/// Message and help about a node type of a feature that this build does not have.
+#[must_use]
+pub fn omitted(name: &str, feature: &str) -> [String; 2] {
+    let message =
+        format!("the node type `{name}` needs the feature `{feature}`, which this build does not have");
+    let help = format!(
+        "`cargo build --release` builds all features; after `--no-default-features` add `--features {feature}`"
+    );
+    [message, help]
+}
+
 /// Edits (insert, delete, replace, swap of neighbours) between two words.
 fn distance(a: &str, b: &str) -> usize {
     let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
@@ -68,5 +79,15 @@ mod tests {
         assert_eq!(nearest("wavout", names), Some("WavOut"));
         assert_eq!(nearest("IfTnosie", names), Some("IftNoise"));
         assert_eq!(nearest("Reverb", names), None);
+    }
+
+    #[test]
+    fn a_node_type_that_a_build_omits_names_its_feature() {
+        let [message, help] = omitted("GrainCluster", "grains");
+        assert_eq!(
+            message,
+            "the node type `GrainCluster` needs the feature `grains`, which this build does not have"
+        );
+        assert!(help.ends_with("`--features grains`"), "{help}");
     }
 }

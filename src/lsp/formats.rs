@@ -4,7 +4,9 @@
 use super::file::TextFile;
 use crate::lang::cursor::{Cursor, Frame, Slot};
 use crate::lang::{Span, SyntaxKind};
+#[cfg(feature = "material")]
 use foley_nodes::material::read_material;
+#[cfg(feature = "numbers")]
 use foley_nodes::soundtrack::score::read_score;
 use foley_nodes::warp::{TextError, read_correspondences};
 
@@ -18,17 +20,19 @@ pub struct Format {
 }
 
 /// All formats.
-pub static FORMATS: [Format; 3] = [
+pub static FORMATS: &[Format] = &[
     Format {
         name: "Correspondences",
         doc: "Moments of a motion and of recordings that should sound alike.",
         check: |text| read_correspondences(text).map(drop),
     },
+    #[cfg(feature = "material")]
     Format {
         name: "Material",
         doc: "Damping and elasticity of a material.",
         check: |text| read_material(text.as_bytes()).map(drop),
     },
+    #[cfg(feature = "numbers")]
     Format {
         name: "SoundScore",
         doc: "Sounds of recordings, and when they occur in the output.",

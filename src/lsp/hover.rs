@@ -4,6 +4,7 @@ use super::context::{At, Context, doc, port_line};
 use super::file::{NodeText, TextFile};
 use super::names::{Target, field_of, follow, name_at, type_of};
 use crate::docs::{param_words, port_words};
+use crate::graph::omitted;
 use crate::lang::{Span, Value, ValueKind};
 use foley_nodes::core::node::NodeType;
 use foley_nodes::core::params::ParamKind;
@@ -149,7 +150,11 @@ fn of_own_layers(context: &Context<'_>, at: At<'_>, path: &Path) -> bool {
 fn node_page(context: &Context<'_>, at: At<'_>, path: &Path, file: &TextFile, id: &str) -> Option<String> {
     let node: NodeText<'_> = file.node(id)?;
     let Some(ty) = type_of(context.registry, &node) else {
-        return Some(format!("`{id}`: {}, which is not a node type", node.ty.value));
+        let name = &node.ty.value;
+        return Some(match context.registry.omitted(name) {
+            Some(feature) => format!("`{id}`: {}", omitted(name, feature).join("; ")),
+            None => format!("`{id}`: {name}, which is not a node type"),
+        });
     };
     let mut out = format!("**{id}**: {}\n\n{}\n", ty.name, ty.summary());
     let own = of_own_layers(context, at, path);

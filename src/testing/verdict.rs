@@ -5,7 +5,7 @@ use super::checks::{Check, Field, Kind};
 use super::recording::{Recording, Samples};
 use crate::probe::{db, figure};
 use foley_nodes::dsp::{SoundFigures, SoundMeter, linear_to_db};
-use foley_nodes::grain::segmentation::{FluxFrames, ONSET_RISE, onsets};
+use foley_nodes::feature::{FluxFrames, ONSET_RISE, onsets};
 use serde_json::Value;
 
 /// Level below which audio counts as silent, dB of full scale.

@@ -4,7 +4,7 @@
 use crate::common;
 use foley::graph::{DirFiles, Limits, LoadOptions, load};
 use foley::plan::PlanOptions;
-use foley_nodes::material::statistics::ranks::spearman;
+use foley_nodes::statistics::ranks::spearman;
 use std::fs;
 use std::path::Path;
 

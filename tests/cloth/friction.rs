@@ -2,7 +2,7 @@
 
 use crate::common::{foley, npy, wav};
 use foley_nodes::friction::FrictionModel;
-use foley_nodes::material::statistics::ranks::spearman;
+use foley_nodes::statistics::ranks::spearman;
 use std::sync::LazyLock;
 
 /// Samples from one sliding speed to the next: 48 kHz at 40 speeds a second.

@@ -2,7 +2,7 @@
 //! the roller's recording that take its place.
 
 use crate::common;
-use foley_nodes::material::statistics::ranks::spearman;
+use foley_nodes::statistics::ranks::spearman;
 use std::f64::consts::TAU;
 use std::fs;
 

@@ -10,12 +10,12 @@ pub mod manifest;
 #[cfg(feature = "compressed-audio")]
 mod packets;
 mod reader;
-mod recording_list;
+pub(crate) mod recording_list;
 mod recordings;
 pub(crate) mod text_output;
 mod wav;
 mod wav_in;
-mod wav_out;
+pub(crate) mod wav_out;
 #[cfg(not(feature = "compressed-audio"))]
 mod without_packets;
 
@@ -24,10 +24,9 @@ pub(crate) use csv_error::csv_error;
 pub use error::{AudioError, AudioWarning};
 pub use info::{AudioInfo, FileFormat, ReadLimits, SampleFormat};
 pub use reader::{AudioReader, probe, probe_with};
-pub(crate) use recording_list::{ListedRecording, MANIFEST, RecordingList};
+pub(crate) use recording_list::{ListedRecording, RecordingList};
 pub(crate) use recordings::{MaxLength, RecordingParam, Whole, recording_warnings, trial_wav};
 pub use wav::{AudioWriter, Dither, WriteFormat, WriteSpec, WrittenInfo};
-pub(crate) use wav_out::wav_rate;
 
 /// Nodes of this family.
 pub mod nodes {

@@ -3,7 +3,7 @@
 use super::active::{ActiveSound, power_db};
 use super::bands::{Moments, band_energies, octaves, third_octaves};
 use super::modulation::{MODULATION_BANDS, MODULATION_EDGES, modulation_spectrum};
-use crate::material::statistics::quantile;
+use crate::statistics::quantile;
 use rayon::prelude::*;
 
 /// A band of modulation is measured if its upper edge is at most this share of the centre of the carrier: the envelope of a band follows

@@ -14,7 +14,7 @@ pub mod mesh_generator;
 pub mod mesh_sequence;
 pub mod mesh_subdivide;
 pub mod subdivide;
-mod topology;
+pub(crate) mod topology;
 
 pub use crate::core::files::ReadSeek;
 pub(crate) use clip::to_metres;
@@ -28,7 +28,6 @@ pub(crate) use formats::test_files;
 pub use formats::{ObjMesh, ObjectMotion, OpenFrame, alembic, gltf, open_mdd, open_obj_sequence, open_pc2};
 pub use item::{Mesh, MeshFormat};
 pub(crate) use mesh_sequence::rest_mesh;
-pub(crate) use topology::DisjointSets;
 pub use topology::{
     MAX_CORNERS, Materials, MeshPrepare, Regions, Topology, Triangulation, Triangulator, vertex_areas,
 };

@@ -4,6 +4,7 @@
 //! from a file, from a recording of one impact ([`extract`]), or from a stretched sheet ([`Membrane`]).
 
 pub mod bank;
+#[cfg(feature = "material")]
 pub mod extraction;
 pub mod impact;
 pub mod mode;
@@ -13,15 +14,18 @@ pub mod surface;
 pub use bank::fourier_form::BankForm;
 pub use bank::loudness::loudness;
 pub use bank::resonators::{Bank, BankOutput};
-pub use extraction::comparison::{Comparison, compare};
-pub use extraction::extract::{ExtractError, ExtractParams, Extracted, Extractor, extract};
-pub use extraction::feature::{Feature, FeatureSet, FeatureSets};
-pub use extraction::one_object::{ONE_OBJECT, TakePair, unexplained_by};
-pub use extraction::onset::{impacts, loudest_impact, onset, onsets};
-pub use extraction::report::{ExtractionReport, RecordingReport};
-pub use extraction::room::Room;
-pub use extraction::surrogate::surrogate;
-pub use extraction::takes::{Take, read_takes};
+#[cfg(feature = "material")]
+pub use extraction::{
+    comparison::{Comparison, compare},
+    extract::{ExtractError, ExtractParams, Extracted, Extractor, extract},
+    feature::{Feature, FeatureSet, FeatureSets},
+    one_object::{ONE_OBJECT, TakePair, unexplained_by},
+    onset::{impacts, loudest_impact, onset, onsets},
+    report::{ExtractionReport, RecordingReport},
+    room::Room,
+    surrogate::surrogate,
+    takes::{Take, read_takes},
+};
 pub use impact::event::{Body, Impact};
 pub use impact::force_ring::ForceRing;
 pub use impact::pulse::{Law, PulseShape, contact_time};

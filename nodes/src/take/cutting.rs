@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::crumple::bank::extraction::windowed_energy;
 use crate::likeness::power_db;
-use crate::material::statistics::quantile;
+use crate::statistics::quantile;
 
 /// Parameters of the gate.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -10,9 +10,10 @@ use crate::core::params::Params;
 use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
+use crate::feature::FluxFrames;
 use crate::grain::recording::GrainRecordings;
 use crate::grain::segmentation::segments::check_lengths;
-use crate::grain::segmentation::{CutKind, FluxFrames, SegmentRules};
+use crate::grain::segmentation::{CutKind, SegmentRules};
 use crate::table::ResultTable;
 use crate::{params, ports};
 

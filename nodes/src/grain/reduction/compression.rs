@@ -9,8 +9,8 @@ use crate::grain::correlation::{CorrelationPatterns, Pattern};
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::{GrainRecording, GrainRecordings};
 use crate::grain::synthesis::{GapRule, sequence, sound_of, walk};
-use crate::material::statistics::ratings::mean_and_deviation;
 use crate::plot::{Chart, Line};
+use crate::statistics::mean_and_deviation;
 use crate::table::{Cell, ResultTable};
 use rayon::prelude::*;
 

@@ -3,7 +3,7 @@
 use crate::core::time::Rate;
 use crate::feature::{FeatureConventions, MelCepstrum};
 use crate::grain::dictionary::{Grain, GrainDictionary};
-use crate::material::statistics::squared;
+use crate::statistics::squared;
 use foley_fft::RealFftPlanner;
 use rayon::prelude::*;
 use realfft::num_complex::Complex;

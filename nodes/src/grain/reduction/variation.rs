@@ -9,7 +9,7 @@ use crate::grain::correlation::CorrelationPatterns;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::recording::SourceKind;
 use crate::grain::synthesis::{ImpactSound, RepertoireRules, impact_sounds, rendered, sources_of};
-use crate::material::estimation::linear::inverse;
+use crate::statistics::linear::inverse;
 
 /// The sound of an impact.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! Cuts of a flux whose end is not known yet.
 
-use super::flux::reflected;
 use super::segments::{Gaussian, InflectionFinder, SegmentRules, SmoothFlux, join_short, split_long};
+use crate::feature::flux::reflected;
 use crate::impl_state;
 use std::collections::VecDeque;
 

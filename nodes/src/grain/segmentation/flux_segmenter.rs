@@ -1,7 +1,6 @@
 //! The node `FluxSegmenter`.
 
 use super::cut_stream::CutStream;
-use super::flux::FluxFrames;
 use super::segments::{CutKind, SegmentRules, check_lengths};
 use super::spectral_flux::mono;
 use crate::core::fault::{Fault, Reject};
@@ -13,6 +12,7 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::{Rate, Tick};
 use crate::dsp::Trigger;
+use crate::feature::FluxFrames;
 use crate::{archive_state, params, ports};
 use std::collections::VecDeque;
 

@@ -1,9 +1,9 @@
 //! Cuts of a recording into grains at the inflection points of its spectral flux.
 
-use super::flux::{FluxFrames, reflected, spectral_flux};
-use super::onset_strength::{ONSET_RISE, onsets};
 use crate::choices;
 use crate::core::fault::Reject;
+use crate::feature::flux::reflected;
+use crate::feature::{FluxFrames, ONSET_RISE, onsets, spectral_flux};
 use serde::{Deserialize, Serialize};
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;

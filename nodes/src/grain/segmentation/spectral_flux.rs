@@ -1,6 +1,5 @@
 //! The node `SpectralFlux`.
 
-use super::flux::{Excerpt, FluxFrames, FluxStream};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::item::Channels;
@@ -11,6 +10,7 @@ use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::core::time::Rate;
 use crate::dsp::db_to_linear;
+use crate::feature::flux::{Excerpt, FluxFrames, FluxStream};
 use crate::{archive_state, params, ports};
 
 params! {
@@ -135,7 +135,7 @@ impl Node for SpectralFlux {
 mod tests {
     use super::*;
     use crate::core::standalone::Standalone;
-    use crate::grain::segmentation::spectral_flux;
+    use crate::feature::spectral_flux;
 
     fn streamed(x: &[f32], window: usize) -> Vec<f32> {
         let standalone = Standalone::new::<SpectralFlux>(SpectralFluxParams::read(&|_| None).unwrap());

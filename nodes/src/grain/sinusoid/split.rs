@@ -3,7 +3,7 @@
 use super::peaks::{PeakFinder, PeakRules};
 use super::synthesis::add_tracks;
 use super::tracks::{PartialTracker, Track, TrackRules, tracks_of};
-use crate::grain::segmentation::{FluxFrames, ONSET_RISE, onsets};
+use crate::feature::{FluxFrames, ONSET_RISE, onsets};
 
 /// A recording as the sum of two.
 #[derive(Clone, Debug, Default, PartialEq)]

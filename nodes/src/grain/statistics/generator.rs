@@ -4,8 +4,8 @@ use super::model::{PatternModel, envelope_at};
 use crate::dsp::db_to_linear;
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::synthesis::GrainStep;
-use crate::material::statistics::normal::{normal_quantile, normal_share};
-use crate::material::statistics::quantile;
+use crate::statistics::normal::{normal_quantile, normal_share};
+use crate::statistics::quantile;
 use serde::{Deserialize, Serialize};
 
 /// Greatest factor by which a grain is made louder or softer than it was recorded.

@@ -7,8 +7,8 @@ use crate::grain::correlation::{CorrelationPatterns, Pattern};
 use crate::grain::dictionary::GrainDictionary;
 use crate::grain::reduction::grain_features;
 use crate::grain::synthesis::{GapRule, GrainStep, walk};
-use crate::material::statistics::normal::{normal_share, standard_normal};
-use crate::material::statistics::{Points, k_means, quantile};
+use crate::statistics::normal::{normal_share, standard_normal};
+use crate::statistics::{Points, k_means, quantile};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

@@ -4,7 +4,7 @@ use super::segment::{Fade, FadeShape, GrainSegment};
 use crate::core::random::Rng;
 use crate::friction::builder::psd::{AnalysisWindow, welch};
 use crate::grain::dictionary::{GRAINS_VERSION, GrainDictionary, Run};
-use crate::material::statistics::normal::standard_normal;
+use crate::statistics::normal::standard_normal;
 use foley_fft::RealFftPlanner;
 use realfft::num_complex::Complex;
 

@@ -5,8 +5,8 @@ use super::point::{DampingPoint, EstimationError, Sample, recordings};
 use super::report::{Comparison, FitWarning, PointReport};
 use super::uncertainty::{distribution, optimum, refit, simulate};
 use crate::material::damping::{DampingModel, Family};
-use crate::material::statistics::ranks::{distance_to_uniform, spearman};
-use crate::material::statistics::special::{chi_square_above, digamma};
+use crate::statistics::ranks::{distance_to_uniform, spearman};
+use crate::statistics::special::{chi_square_above, digamma};
 use rayon::prelude::*;
 
 /// Gamma shapes of the support parts that an exponential may have.

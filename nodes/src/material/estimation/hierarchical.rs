@@ -2,9 +2,9 @@
 
 use super::fit::{FitOptions, fit};
 use super::likelihood::{ETA, Likelihood};
-use super::linear::inverse;
 use super::newton::{Objective, Stop, newton};
 use super::point::{DampingPoint, EstimationError};
+use crate::statistics::linear::inverse;
 
 /// Standard deviation of the logarithm of support rates over recordings.
 pub const SD_LN_ETA: f64 = 0.7;
@@ -222,9 +222,8 @@ mod tests {
     fn recordings(rng: &mut Rng, count: u32, spread: f64) -> (Vec<DampingPoint>, Vec<f64>) {
         let (mut points, mut supports) = (Vec::new(), Vec::new());
         for recording in 0..count {
-            let support = 8.0
-                * (spread * crate::material::statistics::normal::normal_quantile(rng.between(1e-6, 1.0)))
-                    .exp();
+            let support =
+                8.0 * (spread * crate::statistics::normal::normal_quantile(rng.between(1e-6, 1.0))).exp();
             supports.push(support);
             let own = super::super::tests::simulated(rng, 30, [3.9, 1e-8, 0.4, 1.0 / support]);
             points.extend(own.into_iter().map(|p| DampingPoint { recording, ..p }));

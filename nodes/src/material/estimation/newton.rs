@@ -1,6 +1,6 @@
 //! Projected Newton ascent within bounds.
 
-use super::linear::cholesky_solve;
+use crate::statistics::linear::cholesky_solve;
 
 /// A smooth function to be maximised.
 pub(crate) trait Objective {

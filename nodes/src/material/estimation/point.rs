@@ -1,7 +1,7 @@
 //! Points of damping over frequency, and their normalised form.
 
 use crate::material::damping::{Family, MonotoneSpline};
-use crate::material::statistics::quantile;
+use crate::statistics::quantile;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

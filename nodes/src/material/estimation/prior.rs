@@ -2,11 +2,11 @@
 
 use super::fit::Fit;
 use super::likelihood::Likelihood;
-use super::linear::inverse;
 use super::newton::{Objective, Stop, newton};
 use super::point::Sample;
 use super::scan::Effort;
 use crate::material::damping::{DampingModel, Family};
+use crate::statistics::linear::inverse;
 
 /// Maximum number of parameters of a curve with a prior.
 const MAX: usize = 3;
@@ -274,7 +274,7 @@ mod tests {
     use super::*;
     use crate::core::random::Rng;
     use crate::material::estimation::point::DampingPoint;
-    use crate::material::statistics::normal::normal_quantile;
+    use crate::statistics::normal::normal_quantile;
 
     /// Table 1 of Sterling et al. (2019), Rayleigh.
     const TABLE: [(&str, [f64; 2]); 6] = [

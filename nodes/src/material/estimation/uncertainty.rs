@@ -2,13 +2,13 @@
 
 use super::emg::Emg;
 use super::fit::{Fit, start_at_lower_bound};
-use super::linear::inverse;
 use super::newton::{Stop, newton};
 use super::point::{DampingPoint, Sample, recordings};
 use crate::core::random::Rng;
-use crate::material::statistics::normal::normal_quantile;
-use crate::material::statistics::quantile;
-use crate::material::statistics::special::t_95;
+use crate::statistics::linear::inverse;
+use crate::statistics::normal::normal_quantile;
+use crate::statistics::quantile;
+use crate::statistics::special::t_95;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;

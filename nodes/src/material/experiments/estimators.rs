@@ -7,7 +7,7 @@ use crate::material::estimation::least_squares::LeastSquares;
 use crate::material::estimation::lower_bound::lower_bound;
 use crate::material::estimation::mixture::{MixtureOptions, fit_mixture};
 use crate::material::estimation::point::{DampingPoint, Sample};
-use crate::material::statistics::quantile;
+use crate::statistics::quantile;
 
 /// An estimator of an experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

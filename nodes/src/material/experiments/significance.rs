@@ -1,8 +1,8 @@
 //! Are the errors of two estimators different?
 
 use super::estimators::Compared;
-use crate::material::statistics::quantile;
-use crate::material::statistics::ranks::{holm, signed_rank};
+use crate::statistics::quantile;
+use crate::statistics::ranks::{holm, signed_rank};
 use crate::table::{Cell, ResultTable};
 
 /// A comparison of two estimators over materials and objects.

@@ -7,12 +7,12 @@ use crate::core::params::{Params, Text};
 use crate::core::ports::{Many, Value};
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
-use crate::material::statistics::quantile;
-use crate::material::statistics::ranks::distance_to_uniform;
 use crate::modal::surface::contact::random_contacts;
 use crate::modal::surface::damping_of_contacts::ContactLaw;
 use crate::modal::surface::mode_shapes::ModeShapes;
 use crate::plot::{Chart, Line};
+use crate::statistics::quantile;
+use crate::statistics::ranks::distance_to_uniform;
 use crate::table::{Cell, ResultTable};
 use crate::{params, ports};
 
@@ -171,7 +171,7 @@ mod tests {
         let triangles = cells.flat_map(|v| [[v, v + 1, v + n], [v + 1, v + n + 1, v + n]]).collect();
         let shapes = (0..vertices.len() * 3 * modes).map(|k| {
             let axis = (k / modes) % 3;
-            let x = crate::material::statistics::normal::standard_normal(&mut rng) as f32;
+            let x = crate::statistics::normal::standard_normal(&mut rng) as f32;
             if normal_only && axis < 2 { 0.0 } else { x }
         });
         let shapes = shapes.collect();

@@ -1,6 +1,6 @@
 //! Statistics of a listening test, as a node.
 
-use super::ratings::{mean_and_deviation, read_ratings, test_ratings};
+use super::ratings::{read_ratings, test_ratings};
 use crate::core::fault::{Fault, Reject};
 use crate::core::files::MemoryFiles;
 use crate::core::node::{Func, Summary};
@@ -9,6 +9,7 @@ use crate::core::ports::Value;
 use crate::core::random::Rng;
 use crate::core::shape::{Build, Shape};
 use crate::plot::{Chart, Line};
+use crate::statistics::mean_and_deviation;
 use crate::table::{Cell, ResultTable};
 use crate::{params, ports};
 use std::fmt::Write as _;

@@ -1,7 +1,7 @@
 //! Ratings of a listening test, and the statistics of the paper's table 2.
 
-use super::tests_of_means::{VarianceAnalysis, WelchTest, anova, welch};
 use crate::core::files::strip_bom;
+use crate::statistics::tests_of_means::{VarianceAnalysis, WelchTest, anova, welch};
 
 /// Maximum number of ratings.
 pub const MAX_RATINGS: usize = 1 << 20;
@@ -24,15 +24,6 @@ pub struct RatingReport {
     pub tests: Vec<Option<WelchTest>>,
     /// Analysis of variance of the ratings of same materials over the sets.
     pub between_sets: Option<VarianceAnalysis>,
-}
-
-/// Mean and unbiased standard deviation.
-#[must_use]
-pub fn mean_and_deviation(x: &[f64]) -> [Option<f64>; 2] {
-    let n = x.len() as f64;
-    let mean = x.iter().sum::<f64>() / n;
-    let square: f64 = x.iter().map(|x| (x - mean).powi(2)).sum();
-    [(n > 0.0).then_some(mean), (n > 1.0).then(|| (square / (n - 1.0)).sqrt())]
 }
 
 /// Tests ratings.

@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
+use super::DisjointSets;
 use super::area::vertex_areas;
-use super::disjoint_sets::DisjointSets;
 use super::{MeshError, Topology};
 
 /// A topology with consistent winding, its edges, its boundary and its components.

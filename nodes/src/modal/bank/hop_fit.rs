@@ -1,6 +1,6 @@
 //! A damped sine over half a Fourier frame, as a sum of a few bins.
 
-use crate::material::estimation::linear::inverse;
+use crate::statistics::linear::inverse;
 use realfft::num_complex::Complex;
 use std::f64::consts::{PI, TAU};
 

@@ -2,7 +2,7 @@
 
 use super::bands::{Octave, Spectrum, decay_curve, third_octaves};
 use super::onset::onset;
-use crate::material::statistics::quantile;
+use crate::statistics::quantile;
 use foley_fft::FftPlanner;
 
 /// Range below the loudest third of an octave within which bands count, dB.

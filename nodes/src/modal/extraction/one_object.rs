@@ -3,7 +3,7 @@
 use super::feature::FeatureSet;
 use super::onset::onset;
 use super::poles::unexplained_db;
-use crate::material::statistics::quantile;
+use crate::statistics::quantile;
 use serde::{Deserialize, Serialize};
 
 /// Time after the onset that is left out, s: the contact differs from take to take.

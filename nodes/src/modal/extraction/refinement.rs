@@ -186,7 +186,7 @@ mod tests {
     use super::super::exponentials::add;
     use super::*;
     use crate::core::random::Rng;
-    use crate::material::statistics::normal::normal_quantile;
+    use crate::statistics::normal::normal_quantile;
 
     const RATE: f64 = 44_100.0;
     const LIMITS: Limits = Limits { band: [20.0, 20_000.0], decays: [0.1, 8000.0] };

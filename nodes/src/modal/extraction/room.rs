@@ -125,7 +125,7 @@ mod tests {
     use super::super::extract::{ExtractParams, extract};
     use super::*;
     use crate::core::random::Rng;
-    use crate::material::statistics::normal::standard_normal;
+    use crate::statistics::normal::standard_normal;
     use foley_fft::RealFftPlanner;
 
     const RATE: f64 = 44_100.0;

@@ -3,7 +3,8 @@
 use super::takes::Take;
 use crate::core::fault::Reject;
 use crate::core::shape::Shape;
-use crate::io::{ListedRecording, MANIFEST, RecordingList};
+use crate::io::recording_list::MANIFEST;
+use crate::io::{ListedRecording, RecordingList};
 use std::collections::BTreeSet;
 
 /// The parameters that name takes.

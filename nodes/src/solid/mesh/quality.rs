@@ -3,7 +3,7 @@
 use super::element::{faces, signed_volume};
 use super::error::TetMeshError;
 use crate::contact::vector::{cross, dot, norm, sub};
-use crate::mesh::DisjointSets;
+use crate::mesh::topology::DisjointSets;
 use std::collections::HashMap;
 
 /// Smallest dihedral angle, degrees, below which a mesh is refused.

@@ -4,7 +4,7 @@ use super::closed_surface::{ClosedSurface, SurfaceError};
 use super::error::TetMeshError;
 use super::shapes::grid;
 use super::tet_mesh::TetMesh;
-use crate::mesh::DisjointSets;
+use crate::mesh::topology::DisjointSets;
 use thiserror::Error;
 
 /// Triangles from which rays measure the thickness of walls.

@@ -4,7 +4,7 @@ use super::dtw::squared_distance;
 use super::pattern::{Grid, Pattern, Scratch};
 use super::windows::Windows;
 use crate::core::random::Rng;
-use crate::material::statistics::normal::normal_quantile;
+use crate::statistics::normal::normal_quantile;
 
 /// Windows of the motion from which the errors are estimated.
 const TRAINING: usize = 256;

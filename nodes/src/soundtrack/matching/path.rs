@@ -4,9 +4,9 @@ use super::fragments::Candidate;
 use crate::choices;
 use crate::core::item::Data;
 use crate::core::random::Rng;
-use crate::material::statistics::quantile;
 use crate::plot::{Chart, Line, grid};
 use crate::soundtrack::motion::MotionCurve;
+use crate::statistics::quantile;
 use serde::{Deserialize, Serialize};
 
 choices! {

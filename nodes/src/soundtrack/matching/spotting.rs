@@ -8,7 +8,7 @@ use crate::feature::MelCepstrum;
 use crate::feature::conventions::{
     BandShape, FeatureConventions, FeatureWindow, FloorRule, LogScale, MelScale,
 };
-use crate::material::statistics::quantile;
+use crate::statistics::quantile;
 use thiserror::Error;
 
 /// Mel cepstral coefficients of a frame, without the first, which is the loudness.

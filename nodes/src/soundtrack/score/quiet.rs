@@ -1,6 +1,6 @@
 //! Passages of a recording that are nearly silent.
 
-use crate::material::statistics::quantile;
+use crate::statistics::quantile;
 
 /// Length of a window and distance between windows, s.
 const WINDOW: (f64, f64) = (0.02, 0.01);

@@ -14,7 +14,7 @@ use super::params::{Cause, Silence, SuggestParams};
 use super::sliced_wasserstein::sliced_wasserstein;
 use super::transport::{clustered, transported};
 use super::windows::{Window, add_causes, farthest_points, ranked, windows};
-use crate::material::statistics::squared;
+use crate::statistics::squared;
 use crate::warp::correspondence::pairing;
 use crate::warp::fit::{FitError, Stiffness, fit};
 use crate::warp::spline::tps::Orientation;

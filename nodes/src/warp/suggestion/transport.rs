@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::material::statistics::{Points, k_means, squared};
+use crate::statistics::{Points, k_means, squared};
 
 /// Maximum number of rounds of scaling.
 const ROUNDS: usize = 300;
@@ -202,7 +202,7 @@ pub(super) fn transported(a: &Cloud, b: &Cloud) -> Points {
 mod tests {
     use super::*;
     use crate::core::random::Rng;
-    use crate::material::statistics::nearest;
+    use crate::statistics::nearest;
 
     fn cloud(n: usize, seed: u64, extent: f64) -> Points {
         let mut rng = Rng::new(seed);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::normal_quantile::probit;
 use super::params::{Cause, SuggestParams};
-use crate::material::statistics::{Points, squared};
+use crate::statistics::{Points, squared};
 
 /// Maximum number of windows of either side; more are thinned out evenly first.
 const MAX_WINDOWS: usize = 20_000;

@@ -1,8 +1,9 @@
 use super::*;
 use crate::core::item::Channels;
 use crate::core::standalone::Standalone;
+use crate::feature::spectral_flux;
+use crate::grain::segmentation::segment;
 use crate::grain::segmentation::segments::{cuts, smooth};
-use crate::grain::segmentation::{segment, spectral_flux};
 use crate::grain::testing::recording;
 
 fn params() -> FluxSegmenterParams {

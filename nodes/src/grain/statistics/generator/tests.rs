@@ -6,7 +6,7 @@ use crate::grain::correlation::{CorrelateRules, CorrelationPatterns, Pattern, co
 use crate::grain::dictionary::{ExtractRules, extract};
 use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
 use crate::grain::synthesis::{GapRule, sound_of, walk};
-use crate::material::statistics::special::chi_square_above;
+use crate::statistics::special::chi_square_above;
 
 /// Crackling of two kinds of sounds, whose levels rise and fall slowly.
 fn crackle(n: usize, seed: u64) -> Vec<f32> {

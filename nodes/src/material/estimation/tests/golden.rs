@@ -8,7 +8,7 @@ use crate::material::estimation::least_squares::LeastSquares;
 use crate::material::estimation::lower_bound::lower_bound;
 use crate::material::estimation::mixture::{MixtureFit, MixtureOptions, fit_mixture};
 use crate::material::estimation::point::{DampingPoint, Sample};
-use crate::material::statistics::normal::normal_quantile;
+use crate::statistics::normal::normal_quantile;
 use std::f64::consts::TAU;
 
 /// 200 points of `a1 = 3.9`, `a2 = 1e-8`, `sigma = 0.4` and a mean excess of 8.

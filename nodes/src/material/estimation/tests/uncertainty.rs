@@ -69,7 +69,7 @@ fn a_good_model_passes_its_tests_and_a_wrong_one_is_reported() {
     let squares: Vec<_> = points
         .iter()
         .map(|p| {
-            let normal = crate::material::statistics::normal::normal_quantile(rng.between(1e-9, 1.0));
+            let normal = crate::statistics::normal::normal_quantile(rng.between(1e-9, 1.0));
             crate::material::estimation::point::DampingPoint {
                 c: 3.9 + 1e-8 * p.lambda + 8.0 * normal * normal,
                 ..*p

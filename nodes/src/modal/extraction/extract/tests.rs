@@ -1,7 +1,7 @@
 use super::super::exponentials::add;
 use super::*;
 use crate::core::random::Rng;
-use crate::material::statistics::normal::normal_quantile;
+use crate::statistics::normal::normal_quantile;
 
 /// A mode: frequency in Hz, decay rate in 1/s, amplitude, phase.
 type Mode = (f64, f64, f64, f64);

@@ -114,7 +114,7 @@ impl_state!(FluxMeter { shapes });
 
 /// Index of an item of a sequence of `len` items that is reflected at both ends, the item at the end twice; a sequence without a known
 /// length is reflected at its start.
-pub(super) fn reflected(i: i64, len: Option<i64>) -> i64 {
+pub(crate) fn reflected(i: i64, len: Option<i64>) -> i64 {
     let Some(len) = len.filter(|len| *len > 0) else { return i.max(-1 - i) };
     let j = i.rem_euclid(2 * len);
     j.min(2 * len - 1 - j)
