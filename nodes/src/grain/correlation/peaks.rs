@@ -319,7 +319,7 @@ mod tests {
     /// Maxima of a grain in a signal by transforms, and how many of the transforms were computed.
     fn by_transforms(x: &[f32], g: &[f32], is_bounded: bool) -> (Vec<(usize, f64)>, [usize; 2]) {
         let outputs = x.len() - g.len() + 1;
-        let (blocks, normaliser) = (Blocks::new(x, outputs, g.len(), 2048), Normaliser::new(x, -70.0, false));
+        let (blocks, normaliser) = (Blocks::new(x, outputs, g.len(), 1024), Normaliser::new(x, -70.0, false));
         let (mut buffers, bands) = (blocks.buffers(), SegmentBands::new(x, outputs, g.len()));
         let bounds = if is_bounded {
             bands.bounds(g, norm(g), &normaliser, 0, &mut bands.buffers())

@@ -1,8 +1,9 @@
 //! Correlation of a signal with short grains by overlap-save.
 
-use foley_fft::RealFftPlanner;
-use realfft::num_complex::Complex;
-use realfft::{ComplexToReal, RealToComplex};
+use fearless_simd::{Level, dispatch};
+use foley_fft::FftPlanner;
+use rustfft::Fft;
+use rustfft::num_complex::Complex;
 use std::sync::Arc;
 
 /// Sizes of transforms.
@@ -27,22 +28,23 @@ pub fn best_size(len: usize) -> usize {
 
 /// Spectra of the blocks of a signal, for grains of up to a length.
 ///
-/// Block `j` has the outputs `j * step .. (j + 1) * step`.
+/// Block `j` has the outputs `j * step .. (j + 1) * step`. Its two halves are the real and the imaginary part of one complex signal: a
+/// correlation with a real grain leaves them apart.
 pub struct Blocks {
     size: usize,
-    /// Outputs of a block.
-    step: usize,
+    /// Outputs of half a block.
+    half: usize,
     outputs: usize,
-    forward: Arc<dyn RealToComplex<f32>>,
-    inverse: Arc<dyn ComplexToReal<f32>>,
+    forward: Arc<dyn Fft<f32>>,
+    inverse: Arc<dyn Fft<f32>>,
     spectra: Vec<Vec<Complex<f32>>>,
     /// Norm of the samples of each block.
     norms: Vec<f32>,
+    level: Level,
 }
 
 /// Buffers of a thread.
 pub struct Buffers {
-    input: Vec<f32>,
     grain: Vec<Complex<f32>>,
     product: Vec<Complex<f32>>,
     scratch: Vec<Complex<f32>>,
@@ -55,51 +57,48 @@ impl Blocks {
     /// `x: [outputs + max_len - 1]`; samples that are missing are 0.
     #[must_use]
     pub fn new(x: &[f32], outputs: usize, max_len: usize, size: usize) -> Self {
-        let mut planner = RealFftPlanner::<f32>::new();
+        let mut planner = FftPlanner::<f32>::new();
         let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
-        let step = (size - max_len.min(size) + 1).max(1);
-        let count = outputs.div_ceil(step);
-        let (mut input, mut scratch) = (forward.make_input_vec(), forward.make_scratch_vec());
+        let half = Self::half(max_len, size);
+        let count = outputs.div_ceil(2 * half);
+        let mut scratch = vec![Complex::default(); forward.get_inplace_scratch_len()];
         let (mut spectra, mut norms) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for j in 0..count {
-            let from = (j * step).min(x.len());
-            let part = &x[from..x.len().min(j * step + size)];
-            input.fill(0.0);
-            input[..part.len()].copy_from_slice(part);
-            norms.push(part.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt() as f32);
-            let mut spectrum = forward.make_output_vec();
-            // Lengths agree by construction.
-            if forward.process_with_scratch(&mut input, &mut spectrum, &mut scratch).is_err() {
-                spectrum.fill(Complex::default());
-            }
-            spectra.push(spectrum);
+            let part = |k: usize| {
+                let from = (k * half).min(x.len());
+                &x[from..x.len().min(k * half + size)]
+            };
+            let (re, im) = (part(2 * j), part(2 * j + 1));
+            let mut block = vec![Complex::default(); size];
+            block.iter_mut().zip(re).for_each(|(z, x)| z.re = *x);
+            block.iter_mut().zip(im).for_each(|(z, x)| z.im = *x);
+            norms.push(re.iter().chain(im).map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt() as f32);
+            forward.process_with_scratch(&mut block, &mut scratch);
+            spectra.push(block);
         }
-        Self { size, step, outputs, forward, inverse, spectra, norms }
+        Self { size, half, outputs, forward, inverse, spectra, norms, level: Level::new() }
+    }
+
+    /// Outputs of a transform.
+    fn half(max_len: usize, size: usize) -> usize {
+        (size - max_len.min(size) + 1).max(1)
     }
 
     /// Buffers of a thread.
     #[must_use]
     pub fn buffers(&self) -> Buffers {
-        let scratch = self.inverse.get_scratch_len().max(self.forward.get_scratch_len());
-        Buffers {
-            input: self.forward.make_input_vec(),
-            grain: self.forward.make_output_vec(),
-            product: self.forward.make_output_vec(),
-            scratch: vec![Complex::default(); scratch],
-        }
+        let scratch = self.inverse.get_inplace_scratch_len().max(self.forward.get_inplace_scratch_len());
+        let [grain, product, scratch] =
+            [self.size, self.size, scratch].map(|len| vec![Complex::default(); len]);
+        Buffers { grain, product, scratch }
     }
 
     /// Transforms a grain, for [`Self::fill`].
     pub fn transform(&self, grain: &[f32], buffers: &mut Buffers) {
-        let Buffers { input, grain: spectrum, scratch, .. } = buffers;
-        input.fill(0.0);
-        let len = grain.len().min(self.size);
-        input[..len].copy_from_slice(&grain[..len]);
-        let scratch = &mut scratch[..self.forward.get_scratch_len()];
-        // Lengths agree by construction.
-        if self.forward.process_with_scratch(input, spectrum, scratch).is_err() {
-            spectrum.fill(Complex::default());
-        }
+        let Buffers { grain: spectrum, scratch, .. } = buffers;
+        spectrum.fill(Complex::default());
+        spectrum.iter_mut().zip(grain).for_each(|(z, x)| z.re = *x);
+        self.forward.process_with_scratch(spectrum, scratch);
         let scale = 1.0 / self.size as f32;
         spectrum.iter_mut().for_each(|g| *g = g.conj() * scale);
     }
@@ -113,7 +112,7 @@ impl Blocks {
     /// The block of an output.
     #[must_use]
     pub fn block_of(&self, t: usize) -> usize {
-        t / self.step
+        t / (2 * self.half)
     }
 
     /// Computes `y[t] = sum_n x[t + n] g[n]` for the outputs `t` of block `j` that `y`, which begins with output 0, has.
@@ -121,18 +120,14 @@ impl Blocks {
     /// # Complexity
     /// One inverse transform.
     pub fn fill(&self, j: usize, buffers: &mut Buffers, y: &mut [f32]) {
-        let Buffers { input, grain: spectrum, product, scratch } = buffers;
-        for ((p, x), g) in product.iter_mut().zip(&self.spectra[j]).zip(spectrum.iter()) {
-            *p = Complex::new(x.re * g.re - x.im * g.im, x.re * g.im + x.im * g.re);
-        }
-        let scratch = &mut scratch[..self.inverse.get_scratch_len()];
-        // Lengths agree by construction; the first and the last bin of real signals are real.
-        if self.inverse.process_with_scratch(product, input, scratch).is_err() {
-            input.fill(0.0);
-        }
-        let from = (j * self.step).min(y.len());
-        let to = (from + self.step).min(self.outputs).min(y.len());
-        y[from..to].copy_from_slice(&input[..to - from]);
+        let Buffers { grain: spectrum, product, scratch } = buffers;
+        dispatch!(self.level, _simd => multiply(&self.spectra[j], spectrum, product));
+        self.inverse.process_with_scratch(product, scratch);
+        let end = self.outputs.min(y.len());
+        let from = (2 * j * self.half).min(end);
+        let (re, im) = y[from..end].split_at_mut(self.half.min(end - from));
+        re.iter_mut().zip(&*product).for_each(|(y, z)| *y = z.re);
+        im.iter_mut().zip(&product[..self.half]).for_each(|(y, z)| *y = z.im);
     }
 
     /// Norm of the samples of the block that has output `t`: its rounding errors are relative to it.
@@ -144,7 +139,15 @@ impl Blocks {
     /// Bytes of the spectra of a signal.
     #[must_use]
     pub fn bytes(outputs: usize, max_len: usize, size: usize) -> usize {
-        outputs.div_ceil((size - max_len.min(size) + 1).max(1)) * (size / 2 + 1) * 8
+        outputs.div_ceil(2 * Self::half(max_len, size)) * size * size_of::<Complex<f32>>()
+    }
+}
+
+/// Products of two spectra; all instruction sets compute the same bits.
+#[inline(always)]
+fn multiply(x: &[Complex<f32>], g: &[Complex<f32>], product: &mut [Complex<f32>]) {
+    for ((p, x), g) in product.iter_mut().zip(x).zip(g) {
+        *p = Complex::new(x.re * g.re - x.im * g.im, x.re * g.im + x.im * g.re);
     }
 }
 
