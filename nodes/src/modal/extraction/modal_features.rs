@@ -298,7 +298,7 @@ impl Func for ModalFeatures {
     type Params = ModalFeaturesParams;
     type Ports = ModalFeaturesPorts;
     const NAME: &'static str = "ModalFeatures";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     // Recordings are named after their files.
     const EXPOSES_PATHS: bool = true;
 

@@ -27,14 +27,14 @@ pub(super) fn warnings(samples: &[f32], rate: f64, found: &Extracted, room: &Roo
     let object = certain.iter().filter(|f| room.leaves(f)).count();
     if object < certain.len() {
         out.push(format!(
-            "{} of {} modes decay like the room or faster and are left out: what they say of the material is lost",
+            "{} of {} modes decay like the room or faster and are left out: they do not measure the damping of the material",
             certain.len() - object,
             certain.len()
         ));
     }
     if object == 0 {
         out.push(
-            "no mode has a certain decay, so it says nothing of the material: strike harder, or hold the object more loosely"
+            "no mode has a certain decay, so the recording does not measure the material: strike harder, or hold the object more loosely"
                 .into(),
         );
     }

@@ -340,7 +340,7 @@ impl Problem {
         let mut warnings = Vec::new();
         match n {
             0 => warnings.push("there is no pair: the warp changes nothing".to_owned()),
-            1 => warnings.push("there is one node: the warp shifts everything alike".to_owned()),
+            1 => warnings.push("there is one node: the warp is a translation".to_owned()),
             _ if rank < self.d => {
                 let on = match rank {
                     1 => "a line",
@@ -349,7 +349,7 @@ impl Problem {
                 };
                 warnings.push(format!(
                     "the {n} nodes lie on {on}, or nearly so: they spread in {rank} of {} directions, and the affine part of the warp, \
-                     of rank {rank}, leaves the others alone",
+                     of rank {rank}, does not change the others",
                     self.d
                 ));
             }
@@ -357,7 +357,7 @@ impl Problem {
         }
         if lambda == 0.0 && self.nodes.conflict > 0.0 {
             warnings.push(format!(
-                "pairs that start in one place lead up to {:.3} away from their mean, which is where they go",
+                "pairs with the same start end up to {:.3} away from the mean of their ends, which the warp uses",
                 self.nodes.conflict
             ));
         }

@@ -83,7 +83,7 @@ impl Node for TpsFit {
     type Params = TpsFitParams;
     type Ports = TpsFitPorts;
     const NAME: &'static str = "TpsFit";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const CLASS: Class = Class::Offline;
 
     fn shape(_: &TpsFitParams, s: &mut Shape<'_, '_, TpsFitPorts>) -> Result<(), Reject> {
