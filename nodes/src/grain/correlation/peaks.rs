@@ -3,6 +3,7 @@
 use super::bounds::SEGMENT;
 use super::normaliser::{BLOCK, Normaliser};
 use super::transform::{Blocks, Buffers};
+use fearless_simd::{Level, dispatch};
 
 /// Normalised correlations of one grain, computed block by block when they are needed.
 #[derive(Clone, Debug, Default)]
@@ -51,22 +52,30 @@ pub struct GrainCorrelation<'a> {
     /// The transforms that compute `y`, with their rounding errors added to each value; none if it is there and exact.
     pub transforms: Option<Transforms<'a>>,
     scores: &'a mut Scores,
+    level: Level,
 }
 
 /// Rounding error of a correlation by transforms, relative to the norms of its block and of the grain.
 const ROUNDING: f64 = 1e-6;
 
-/// Greatest value, at least 0, in eight lanes.
-fn greatest(y: &[f32], absolute: bool) -> f32 {
-    let mut lanes = [0.0_f32; 8];
-    let (chunks, rest) = y.as_chunks::<8>();
+/// Greatest value, at least 0.
+fn greatest(level: Level, y: &[f32], absolute: bool) -> f32 {
+    dispatch!(level, _simd => greatest_in_lanes(y, absolute))
+}
+
+#[inline(always)]
+fn greatest_in_lanes(y: &[f32], absolute: bool) -> f32 {
+    let mut lanes = [0.0_f32; 16];
+    let (chunks, rest) = y.as_chunks::<16>();
+    // The bits without the sign are those of the magnitude.
+    let mask = if absolute { 0x7fff_ffff } else { u32::MAX };
     for chunk in chunks {
         for (lane, y) in lanes.iter_mut().zip(chunk) {
-            let y = if absolute { y.abs() } else { *y };
+            let y = f32::from_bits(y.to_bits() & mask);
             *lane = if y > *lane { y } else { *lane };
         }
     }
-    let of_rest = rest.iter().map(|y| if absolute { y.abs() } else { *y });
+    let of_rest = rest.iter().map(|y| f32::from_bits(y.to_bits() & mask));
     lanes.into_iter().chain(of_rest).fold(0.0, f32::max)
 }
 
@@ -82,7 +91,7 @@ impl<'a> GrainCorrelation<'a> {
         scores: &'a mut Scores,
     ) -> Self {
         scores.reset(y.len(), transforms.as_ref().map_or(0, |t| t.blocks.count()));
-        Self { y, first, len, norm, normaliser, absolute, transforms, scores }
+        Self { y, first, len, norm, normaliser, absolute, transforms, scores, level: Level::new() }
     }
 
     /// The first and the last block of transforms that have outputs of a block.
@@ -163,7 +172,7 @@ impl<'a> GrainCorrelation<'a> {
         }
         self.transform(block);
         let bound = (least * norm - noise) * self.norm;
-        let top = greatest(&self.y[from..from + count], self.absolute);
+        let top = greatest(self.level, &self.y[from..from + count], self.absolute);
         f64::from(top) < bound || top <= 0.0
     }
 
