@@ -10,7 +10,7 @@ use std::sync::Arc;
 const SIZES: std::ops::RangeInclusive<u32> = 9..=16;
 
 /// Relative penalty on a transform of twice the size: smaller blocks can be left out more often.
-const COARSENESS: f64 = 0.08;
+const COARSENESS: f64 = 0.15;
 
 /// Size of the transform that takes the least work a sample for grains of up to `len` samples: `N log N / (N - len + 1)`.
 #[must_use]
@@ -178,6 +178,6 @@ mod tests {
 
     #[test]
     fn sizes_grow_with_the_grains() {
-        assert_eq!([300, 1126, 3000, 100_000].map(best_size), [2048, 8192, 16_384, 262_144]);
+        assert_eq!([300, 1126, 3000, 100_000].map(best_size), [1024, 4096, 16_384, 262_144]);
     }
 }
