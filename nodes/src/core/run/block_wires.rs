@@ -103,7 +103,7 @@ mod tests {
         let mut out = Vec::new();
         stage.with_buffer(1, |buffer| (OfItem::<f32>::INFO.numbers)(buffer, 0, 3, &mut out));
         assert!(out.iter().all(|x| *x == out[0]), "{out:?}");
-        out[0] as f32
+        out[0]
     }
 
     #[test]
