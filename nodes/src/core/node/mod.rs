@@ -100,7 +100,7 @@ pub trait Node: Sized + Send + 'static {
     /// When the data make it impossible to continue.
     fn run(&mut self, io: <Self::Ports as Ports>::Io<'_>) -> Result<(), Fault>;
 
-    /// Fills one window, as `run` would: a shorter way for nodes that take little longer than the opening of their ports.
+    /// Fills one window, as `run` would, for nodes whose work takes little longer than the opening of their ports.
     ///
     /// If [`TAKES_BLOCKS`](Self::TAKES_BLOCKS) is set, it is called instead of `run` where only the first input is linked, once, and read within
     /// the window alone. This input and the only output are streams of `f32` at one rate.

@@ -205,8 +205,8 @@ impl Stage {
         for (k, (stage_node, block)) in nodes.iter_mut().zip(blocks).enumerate() {
             let StageNode { node, clock, inputs, outputs, copies } = stage_node;
             let span = spans[*clock];
-            let start = timed.then(Instant::now);
             let runs = span.to > span.from;
+            let start = (*timed && runs).then(Instant::now);
             match block {
                 Some(wires) if runs && !*poison => wires.run(&mut **node, buffers, spans),
                 _ if runs => {
@@ -216,7 +216,7 @@ impl Stage {
                 }
                 _ => {}
             }
-            if let Some(start) = start.filter(|_| runs) {
+            if let Some(start) = start {
                 spent[k].time += start.elapsed();
                 spent[k].calls += 1;
             }

@@ -51,7 +51,7 @@ impl<'a> Programme<'a> {
         };
         this.block = block.unwrap_or_else(|| this.block_length()).clamp(1, rows);
         if block.is_none() && Decisions::bytes(table.count(), rows) <= DECISION_BYTES {
-            this.decisions = (0..this.blocks()).map(|b| this.no_decisions(b)).collect();
+            this.decisions = (0..this.blocks()).map(|_| Decisions::new(table.count(), 0)).collect();
         }
         this
     }
