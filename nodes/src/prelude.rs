@@ -47,8 +47,12 @@ pub mod cloth {
 /// Rigid bodies that hit, roll and scrape over textured surfaces.
 pub mod texture {
     pub use crate::core::time::Rate;
-    pub use crate::modal::{Bank, ForceRing, Impact, Modes, PulseShape, read_impacts, read_modes};
-    pub use crate::rigid::{Classifier, ContactFrame, ContactState, LogOptions, Rules, read_contacts};
+    #[cfg(feature = "impacts")]
+    pub use crate::modal::{Bank, Modes, read_modes};
+    pub use crate::modal::{ForceRing, Impact, PulseShape, read_impacts};
+    #[cfg(feature = "impacts")]
+    pub use crate::rigid::{Classifier, LogOptions, Rules, read_contacts};
+    pub use crate::rigid::{ContactFrame, ContactState};
     #[cfg(feature = "texture")]
     pub use crate::scrape::{IsophoteForce, MapForce, NoiseForce, PathPiece, PathRules, Tracker};
     #[cfg(feature = "texture")]

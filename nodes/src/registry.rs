@@ -4,6 +4,8 @@
 
 #[cfg(feature = "grains")]
 mod grains;
+#[cfg(feature = "impacts")]
+mod impacts;
 #[cfg(feature = "material")]
 mod material;
 #[cfg(feature = "numbers")]
@@ -49,19 +51,8 @@ use crate::likeness::likeness_table::LikenessTable;
 use crate::mesh::mesh_generator::MeshGenerator;
 use crate::mesh::mesh_sequence::MeshSequence;
 use crate::mesh::mesh_subdivide::MeshSubdivide;
-use crate::modal::bank::modal_bank::ModalBankNode;
 use crate::modal::impact::impact_file::ImpactFile;
 use crate::modal::impact::impact_force::ImpactForce;
-use crate::modal::mode::membrane_modes::MembraneModes;
-use crate::modal::mode::modes_file::ModesFile;
-use crate::modal::residual::modal_residual::ModalResidual;
-use crate::modal::surface::contact_damping::ContactDamping;
-use crate::modal::surface::impact_projector::ImpactProjector;
-use crate::modal::surface::mode_decay_times::ModeDecayTimes;
-use crate::modal::surface::support_contacts::SupportContacts;
-use crate::rigid::classification::contact_classifier::ContactClassifier;
-use crate::rigid::classification::contact_report::ContactReport;
-use crate::rigid::log::contact_log::ContactLog;
 use crate::spatial::hrtf::structural_hrtf::StructuralHrtf;
 use crate::spatial::interaural::interaural_cues::InterauralCues;
 use crate::spatial::motion::bvh_pose::BvhPose;
@@ -290,26 +281,21 @@ impl Registry {
             .with::<ImpactFile>();
         #[cfg(feature = "material")]
         let types = material::recorded_impacts(types);
-        let types = types.with::<ImpactForce>().with_func::<MembraneModes>().with::<ModalBankNode>();
+        let types = types.with::<ImpactForce>();
+        #[cfg(feature = "impacts")]
+        let types = impacts::banks(types);
         #[cfg(feature = "material")]
         let types = material::recorded_modes(types);
-        let types = types
-            .with::<ModalResidual>()
-            .with_func::<ModesFile>()
-            .with::<ImpactProjector>()
-            .with::<ContactDamping>()
-            .with::<SupportContacts>()
-            .with::<ModeDecayTimes>();
+        #[cfg(feature = "impacts")]
+        let types = impacts::modes(types);
         #[cfg(feature = "material")]
         let types = material::add(types);
         let types = types.family("tension").with::<TensionImpact>();
         #[cfg(feature = "texture")]
         let types = texture::add(types);
+        #[cfg(feature = "impacts")]
+        let types = impacts::rigid_bodies(types);
         let types = types
-            .family("rigid")
-            .with::<ContactClassifier>()
-            .with::<ContactReport>()
-            .with::<ContactLog>()
             .family("spatial")
             .with::<StructuralHrtf>()
             .with::<InterauralCues>()

@@ -3,17 +3,24 @@
 //! An [`Impact`] is one collision. [`impact`] turns impacts into force at audio rate. A [`Bank`] rings [`Modes`], which come
 //! from a file, from a recording of one impact ([`extract`]), or from a stretched sheet ([`Membrane`]).
 
+#[cfg(feature = "impacts")]
 pub mod bank;
 #[cfg(feature = "material")]
 pub mod extraction;
 pub mod impact;
+#[cfg(feature = "impacts")]
 pub mod mode;
+#[cfg(feature = "impacts")]
 pub mod residual;
+#[cfg(feature = "impacts")]
 pub mod surface;
 
-pub use bank::fourier_form::BankForm;
-pub use bank::loudness::loudness;
-pub use bank::resonators::{Bank, BankOutput};
+#[cfg(feature = "impacts")]
+pub use bank::{
+    fourier_form::BankForm,
+    loudness::loudness,
+    resonators::{Bank, BankOutput},
+};
 #[cfg(feature = "material")]
 pub use extraction::{
     comparison::{Comparison, compare},
@@ -30,8 +37,11 @@ pub use impact::event::{Body, Impact};
 pub use impact::force_ring::ForceRing;
 pub use impact::pulse::{Law, PulseShape, contact_time};
 pub use impact::reader::{Defaults, ImpactError, read_impacts};
-pub use mode::membrane::Membrane;
-pub use mode::modes::{Modes, ModesError};
-pub use mode::modes_file::read_modes;
-pub use residual::noise_band::NoiseBand;
-pub use residual::noise_bank::NoiseBank;
+#[cfg(feature = "impacts")]
+pub use mode::{
+    membrane::Membrane,
+    modes::{Modes, ModesError},
+    modes_file::read_modes,
+};
+#[cfg(feature = "impacts")]
+pub use residual::{noise_band::NoiseBand, noise_bank::NoiseBank};

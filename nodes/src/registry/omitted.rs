@@ -28,6 +28,9 @@ const PARTS: &[Part] = parts! {
         SpectralFlux FluxSegmenter SinePeaks PartialTracks AdditiveResynth TransientResidual
         PatternTimescale PatternVariation PatternStatistics PatternGenerator PatternModelFile
         VariationReport GrainTexture;
+    "impacts":
+        MembraneModes ModalBank ModalResidual ModesFile ImpactProjector ContactDamping SupportContacts
+        ModeDecayTimes ContactClassifier ContactReport ContactLog;
     "material":
         ImpactsFromRecording SoundComparison ModalFeatures ModalFromRecording DampingExperiment
         DampingFit DampingFromStream DampingPointsFile ElasticRatio FeatureGate FitComparison
@@ -64,13 +67,14 @@ impl Registry {
 
 #[cfg(all(test, feature = "grains", feature = "material", feature = "numbers", feature = "texture"))]
 mod tests {
-    use super::super::{grains, material, numbers, texture};
+    use super::super::{grains, impacts, material, numbers, texture};
     use super::*;
 
     #[test]
     fn the_names_of_each_feature_are_those_of_its_node_types() {
         let added = |feature| match feature {
             "grains" => grains::add(Registry::empty()),
+            "impacts" => impacts::rigid_bodies(impacts::modes(impacts::banks(Registry::empty()))),
             "material" => {
                 let types = material::recorded_impacts(Registry::empty());
                 material::add(material::recorded_modes(types))
