@@ -47,10 +47,10 @@ pub mod cloth {
 /// Rigid bodies that hit, roll and scrape over textured surfaces.
 pub mod texture {
     pub use crate::core::time::Rate;
-    #[cfg(feature = "impacts")]
+    #[cfg(feature = "impact")]
     pub use crate::modal::{Bank, Modes, read_modes};
     pub use crate::modal::{ForceRing, Impact, PulseShape, read_impacts};
-    #[cfg(feature = "impacts")]
+    #[cfg(feature = "impact")]
     pub use crate::rigid::{Classifier, LogOptions, Rules, read_contacts};
     pub use crate::rigid::{ContactFrame, ContactState};
     #[cfg(feature = "texture")]

@@ -4,8 +4,8 @@
 
 #[cfg(feature = "grains")]
 mod grains;
-#[cfg(feature = "impacts")]
-mod impacts;
+#[cfg(feature = "impact")]
+mod impact;
 #[cfg(feature = "material")]
 mod material;
 #[cfg(feature = "numbers")]
@@ -282,19 +282,19 @@ impl Registry {
         #[cfg(feature = "material")]
         let types = material::recorded_impacts(types);
         let types = types.with::<ImpactForce>();
-        #[cfg(feature = "impacts")]
-        let types = impacts::banks(types);
+        #[cfg(feature = "impact")]
+        let types = impact::banks(types);
         #[cfg(feature = "material")]
         let types = material::recorded_modes(types);
-        #[cfg(feature = "impacts")]
-        let types = impacts::modes(types);
+        #[cfg(feature = "impact")]
+        let types = impact::modes(types);
         #[cfg(feature = "material")]
         let types = material::add(types);
         let types = types.family("tension").with::<TensionImpact>();
         #[cfg(feature = "texture")]
         let types = texture::add(types);
-        #[cfg(feature = "impacts")]
-        let types = impacts::rigid_bodies(types);
+        #[cfg(feature = "impact")]
+        let types = impact::rigid_bodies(types);
         let types = types
             .family("spatial")
             .with::<StructuralHrtf>()

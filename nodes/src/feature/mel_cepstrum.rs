@@ -1,12 +1,9 @@
 //! Mel band energies and mel cepstrum of one unit of sound.
 
-use foley_fft::RealFftPlanner;
-use realfft::RealToComplex;
-use realfft::num_complex::Complex;
-use std::f64::consts::PI;
-use std::sync::Arc;
-
 use super::conventions::{BandShape, FeatureConventions, FeatureWindow, LogScale, MelScale};
+use super::frame_power::FramePower;
+use fearless_simd::{Level, dispatch};
+use std::f64::consts::PI;
 
 impl MelScale {
     /// Converts a frequency in hertz to the scale.
@@ -58,11 +55,14 @@ impl FeatureWindow {
     }
 }
 
-/// One band: weights of adjacent bins.
+/// Bins that are added together.
+const LANES: usize = 8;
+
+/// One band: weights of adjacent bins, with weights of 0 up to a multiple of [`LANES`].
 #[derive(Clone, Debug, PartialEq)]
 struct Band {
     first: usize,
-    weights: Vec<f64>,
+    weights: Vec<[f64; LANES]>,
 }
 
 /// Returns the weights of the bins of a spectrum in each band.
@@ -99,7 +99,38 @@ fn sparse(weights: impl Iterator<Item = f64>) -> Band {
     let all: Vec<f64> = weights.collect();
     let first = all.iter().position(|w| *w > 0.0).unwrap_or(0);
     let end = all.iter().rposition(|w| *w > 0.0).map_or(first, |last| last + 1);
-    Band { first, weights: all[first..end].to_vec() }
+    let count = (end - first).div_ceil(LANES);
+    // What fills the last lanes is within the spectrum, unless that is shorter.
+    let first = first.min(all.len().saturating_sub(count * LANES));
+    let weight = |k: usize| all.get(k).copied().unwrap_or(0.0);
+    let lanes = |i: usize| std::array::from_fn(|j| weight(first + i * LANES + j));
+    Band { first, weights: (0..count).map(lanes).collect() }
+}
+
+/// Sums of the weighted powers of bands; all instruction sets compute the same bits.
+#[inline(always)]
+fn sums(power: &[f64], bands: &[Band], energies: &mut [f64]) {
+    for (energy, band) in energies.iter_mut().zip(bands) {
+        let (bins, rest) = power[band.first..].as_chunks::<LANES>();
+        let mut lanes = [0.0; LANES];
+        for (bins, weights) in bins.iter().zip(&band.weights) {
+            for k in 0..LANES {
+                lanes[k] += bins[k] * weights[k];
+            }
+        }
+        // Of spectra that end within lanes.
+        for (k, (bin, weights)) in rest.iter().zip(band.weights.iter().skip(bins.len()).flatten()).enumerate()
+        {
+            lanes[k] += bin * weights;
+        }
+        let mut width = LANES / 2;
+        while width > 0 {
+            let (low, high) = lanes.split_at_mut(width);
+            low.iter_mut().zip(high).for_each(|(low, high)| *low += *high);
+            width /= 2;
+        }
+        *energy = lanes[0];
+    }
 }
 
 /// Computes the mel cepstrum of the samples of one unit.
@@ -123,26 +154,20 @@ fn sparse(weights: impl Iterator<Item = f64>) -> Band {
 /// ```
 #[derive(Clone)]
 pub struct MelCepstrum {
-    window: Vec<f64>,
+    power: FramePower,
     bands: Vec<Band>,
     /// `[n, bands]`.
     cosines: Vec<f64>,
     log: LogScale,
     floor: f64,
-    fft: Arc<dyn RealToComplex<f64>>,
-    /// Scale of a squared magnitude; half of it for DC and Nyquist.
-    scale: f64,
-    samples: Vec<f64>,
-    spectrum: Vec<Complex<f64>>,
-    power: Vec<f64>,
-    scratch: Vec<Complex<f64>>,
     energies: Vec<f64>,
     mean: Vec<f64>,
+    level: Level,
 }
 
 impl std::fmt::Debug for MelCepstrum {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "MelCepstrum({} bands of {} samples)", self.bands.len(), self.window.len())
+        write!(f, "MelCepstrum({} bands of {} samples)", self.bands.len(), self.frame())
     }
 }
 
@@ -153,23 +178,18 @@ impl MelCepstrum {
         let frame = c.frame.max(1) as usize;
         // The transform needs at least two samples.
         let length = frame.next_power_of_two().max(2);
-        let fft = RealFftPlanner::new().plan_fft_forward(length);
         let window = c.window.samples(frame);
         let energy: f64 = window.iter().map(|w| w * w).sum();
+        let scale = 2.0 / (length as f64 * energy.max(f64::MIN_POSITIVE));
         Self {
             bands: bands(c, length),
             cosines: cosines(c.first as usize, c.n as usize, c.bands as usize),
             log: c.log,
             floor: floor.max(f64::MIN_POSITIVE),
-            samples: vec![0.0; length],
-            spectrum: fft.make_output_vec(),
-            power: vec![0.0; length / 2 + 1],
-            scratch: fft.make_scratch_vec(),
             energies: vec![0.0; c.bands as usize],
             mean: vec![0.0; c.bands as usize],
-            scale: 2.0 / (length as f64 * energy.max(f64::MIN_POSITIVE)),
-            window,
-            fft,
+            power: FramePower::new(window, length, scale),
+            level: Level::new(),
         }
     }
 
@@ -181,28 +201,13 @@ impl MelCepstrum {
     /// Returns the length of the window in samples, which is centred on the unit.
     #[must_use]
     pub fn frame(&self) -> usize {
-        self.window.len()
+        self.power.frame()
     }
 
     /// Returns the mean square of the windowed samples in each band.
     pub fn energies(&mut self, frame: &[f32]) -> &[f64] {
-        self.samples.fill(0.0);
-        for ((out, &x), w) in self.samples.iter_mut().zip(frame).zip(&self.window) {
-            *out = f64::from(x) * w;
-        }
-        // The transform fails only for buffers of other lengths than planned.
-        let done = self.fft.process_with_scratch(&mut self.samples, &mut self.spectrum, &mut self.scratch);
-        debug_assert!(done.is_ok());
-        for (power, x) in self.power.iter_mut().zip(&self.spectrum) {
-            *power = self.scale * x.norm_sqr();
-        }
-        let last = self.power.len() - 1;
-        self.power[0] *= 0.5;
-        self.power[last] *= 0.5;
-        for (energy, band) in self.energies.iter_mut().zip(&self.bands) {
-            let bins = &self.power[band.first..band.first + band.weights.len()];
-            *energy = bins.iter().zip(&band.weights).map(|(p, w)| p * w).sum();
-        }
+        let power = self.power.process(frame);
+        dispatch!(self.level, _simd => sums(power, &self.bands, &mut self.energies));
         &self.energies
     }
 

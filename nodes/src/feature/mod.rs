@@ -5,6 +5,7 @@
 
 pub mod conventions;
 pub mod flux;
+mod frame_power;
 pub mod item;
 pub mod mel_cepstrum;
 pub mod mfcc;

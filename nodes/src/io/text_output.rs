@@ -34,7 +34,7 @@ impl TextOutput {
     ///
     /// # Errors
     /// As [`create`](Self::create).
-    #[cfg(feature = "impacts")]
+    #[cfg(feature = "impact")]
     pub fn open(cx: &Build<'_>, field: &'static str, path: Option<&OutPath>) -> Result<Option<Self>, Fault> {
         path.map(|path| Self::create(cx, field, path)).transpose()
     }

@@ -3,19 +3,19 @@
 //! An [`Impact`] is one collision. [`impact`] turns impacts into force at audio rate. A [`Bank`] rings [`Modes`], which come
 //! from a file, from a recording of one impact ([`extract`]), or from a stretched sheet ([`Membrane`]).
 
-#[cfg(feature = "impacts")]
+#[cfg(feature = "impact")]
 pub mod bank;
 #[cfg(feature = "material")]
 pub mod extraction;
 pub mod impact;
-#[cfg(feature = "impacts")]
+#[cfg(feature = "impact")]
 pub mod mode;
-#[cfg(feature = "impacts")]
+#[cfg(feature = "impact")]
 pub mod residual;
-#[cfg(feature = "impacts")]
+#[cfg(feature = "impact")]
 pub mod surface;
 
-#[cfg(feature = "impacts")]
+#[cfg(feature = "impact")]
 pub use bank::{
     fourier_form::BankForm,
     loudness::loudness,
@@ -37,11 +37,11 @@ pub use impact::event::{Body, Impact};
 pub use impact::force_ring::ForceRing;
 pub use impact::pulse::{Law, PulseShape, contact_time};
 pub use impact::reader::{Defaults, ImpactError, read_impacts};
-#[cfg(feature = "impacts")]
+#[cfg(feature = "impact")]
 pub use mode::{
     membrane::Membrane,
     modes::{Modes, ModesError},
     modes_file::read_modes,
 };
-#[cfg(feature = "impacts")]
+#[cfg(feature = "impact")]
 pub use residual::{noise_band::NoiseBand, noise_bank::NoiseBank};

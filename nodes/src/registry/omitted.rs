@@ -28,7 +28,7 @@ const PARTS: &[Part] = parts! {
         SpectralFlux FluxSegmenter SinePeaks PartialTracks AdditiveResynth TransientResidual
         PatternTimescale PatternVariation PatternStatistics PatternGenerator PatternModelFile
         VariationReport GrainTexture;
-    "impacts":
+    "impact":
         MembraneModes ModalBank ModalResidual ModesFile ImpactProjector ContactDamping SupportContacts
         ModeDecayTimes ContactClassifier ContactReport ContactLog;
     "material":
@@ -65,16 +65,23 @@ impl Registry {
     }
 }
 
-#[cfg(all(test, feature = "grains", feature = "material", feature = "numbers", feature = "texture"))]
+#[cfg(all(
+    test,
+    feature = "grains",
+    feature = "impact",
+    feature = "material",
+    feature = "numbers",
+    feature = "texture"
+))]
 mod tests {
-    use super::super::{grains, impacts, material, numbers, texture};
+    use super::super::{grains, impact, material, numbers, texture};
     use super::*;
 
     #[test]
     fn the_names_of_each_feature_are_those_of_its_node_types() {
         let added = |feature| match feature {
             "grains" => grains::add(Registry::empty()),
-            "impacts" => impacts::rigid_bodies(impacts::modes(impacts::banks(Registry::empty()))),
+            "impact" => impact::rigid_bodies(impact::modes(impact::banks(Registry::empty()))),
             "material" => {
                 let types = material::recorded_impacts(Registry::empty());
                 material::add(material::recorded_modes(types))

@@ -1,7 +1,7 @@
 //! Statistics: quantiles, clusters, distributions, tests, and the small linear systems that estimates need.
 
 mod k_means;
-#[cfg(feature = "impacts")]
+#[cfg(feature = "impact")]
 pub(crate) mod linear;
 pub mod normal;
 pub mod ranks;

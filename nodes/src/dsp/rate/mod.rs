@@ -2,3 +2,4 @@
 
 pub mod resample;
 pub mod resampler;
+mod taps;

@@ -10,8 +10,10 @@
 use std::f64::consts::PI;
 use std::ops::Range;
 
+use super::taps::{Taps, weighted_sums};
 use crate::core::time::Rate;
 use crate::dsp::DspError;
+use fearless_simd::Level;
 
 /// The quality and cost of a resampler.
 ///
@@ -68,6 +70,7 @@ pub struct Resampler {
     table: Vec<f64>,
     phases: u64,
     interpolated: bool,
+    level: Level,
 }
 
 impl Resampler {
@@ -83,7 +86,15 @@ impl Resampler {
         let ratio = Ratio::new(input, output)?;
         let (step, per, half) = (ratio.step, ratio.per, ratio.half(quality)?);
         if half == 0 {
-            return Ok(Self { step: 1, per: 1, half: 0, table: Vec::new(), phases: 0, interpolated: false });
+            return Ok(Self {
+                step: 1,
+                per: 1,
+                half: 0,
+                table: Vec::new(),
+                phases: 0,
+                interpolated: false,
+                level: Level::new(),
+            });
         }
         let (attenuation, transition) = quality.design();
         let (phases, interpolated) = ratio.phases();
@@ -103,7 +114,15 @@ impl Resampler {
             let sum: f64 = table[start..].iter().sum();
             table[start..].iter_mut().for_each(|tap| *tap /= sum);
         }
-        Ok(Self { step: step as i128, per: per as i128, half, table, phases, interpolated })
+        Ok(Self {
+            step: step as i128,
+            per: per as i128,
+            half,
+            table,
+            phases,
+            interpolated,
+            level: Level::new(),
+        })
     }
 
     /// Returns [`Resampler::look_behind`] and [`Resampler::look_ahead`] of such a resampler without its design.
@@ -187,40 +206,38 @@ impl Resampler {
             (end - first_in) as f64,
             "those of `inputs` for these outputs",
         )?;
-        for (j, frame) in (first_out..).zip(out.chunks_exact_mut(channels)) {
-            let at = i128::from(j) * self.step;
-            let start =
-                (at.div_euclid(self.per) as i64 - self.look_behind() as i64 - first_in) as usize * channels;
+        let first = i128::from(first_out) * self.step;
+        let (mut position, mut remainder) = (first.div_euclid(self.per), first.rem_euclid(self.per));
+        let (whole, part) = (self.step / self.per, self.step % self.per);
+        for frame in out.chunks_exact_mut(channels) {
+            let start = (position as i64 - self.look_behind() as i64 - first_in) as usize * channels;
             if self.half == 0 {
                 frame.copy_from_slice(&input[start..start + channels]);
-                continue;
+            } else {
+                let window = &input[start..start + 2 * self.half * channels];
+                weighted_sums(self.level, self.taps(remainder as u64), window, frame);
             }
-            let window = &input[start..start + 2 * self.half * channels];
-            self.sum(at.rem_euclid(self.per) as u64, window, frame);
+            position += whole;
+            remainder += part;
+            if remainder >= self.per {
+                position += 1;
+                remainder -= self.per;
+            }
         }
         Ok(())
     }
 
-    fn sum(&self, remainder: u64, window: &[f32], frame: &mut [f32]) {
-        let (channels, taps) = (frame.len(), 2 * self.half);
-        let (phase, fraction) = if self.interpolated {
-            let position = u128::from(remainder) * u128::from(self.phases);
-            let per = self.per as u128;
-            ((position / per) as usize, (position % per) as f64 / per as f64)
-        } else {
-            (remainder as usize, 0.0)
-        };
-        let here = &self.table[phase * taps..][..taps];
-        for (channel, y) in frame.iter_mut().enumerate() {
-            let samples = window.iter().skip(channel).step_by(channels).map(|&x| f64::from(x));
-            let sum: f64 = if self.interpolated {
-                let next = &self.table[(phase + 1) * taps..][..taps];
-                samples.zip(here.iter().zip(next)).map(|(x, (a, b))| x * (a + fraction * (b - a))).sum()
-            } else {
-                samples.zip(here).map(|(x, tap)| x * tap).sum()
-            };
-            *y = sum as f32;
+    /// The taps of an output whose time is `remainder / per` after an input.
+    fn taps(&self, remainder: u64) -> Taps<'_> {
+        let taps = 2 * self.half;
+        let row = |phase: usize| &self.table[phase * taps..][..taps];
+        if !self.interpolated {
+            return Taps { here: row(remainder as usize), next: None };
         }
+        let position = u128::from(remainder) * u128::from(self.phases);
+        let per = self.per as u128;
+        let phase = (position / per) as usize;
+        Taps { here: row(phase), next: Some((row(phase + 1), (position % per) as f64 / per as f64)) }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::normaliser::Normaliser;
 use crate::grain::dictionary::TaperShape;
+use fearless_simd::{Level, dispatch};
 use foley_fft::RealFftPlanner;
 use realfft::RealToComplex;
 use realfft::num_complex::Complex;
@@ -31,6 +32,7 @@ pub struct SegmentBands {
     forward: Arc<dyn RealToComplex<f32>>,
     edges: Vec<usize>,
     segments: Vec<Bands>,
+    level: Level,
 }
 
 /// Buffers of [`SegmentBands`].
@@ -57,7 +59,7 @@ impl SegmentBands {
         let edge = |b: usize| (LOWEST * ratio.powf((b - 1) as f64 / (BANDS - 1) as f64)).round() as usize;
         let edges = std::iter::once(0).chain((1..=BANDS).map(edge)).collect();
         let forward = RealFftPlanner::<f32>::new().plan_fft_forward(size);
-        let mut own = Self { size, forward, edges, segments: Vec::new() };
+        let mut own = Self { size, forward, edges, segments: Vec::new(), level: Level::new() };
         let mut buffers = own.buffers();
         let window: Vec<f32> =
             TaperShape::HalfSample.window(whole + 2 * FADE, [FADE; 2]).map(|w| w as f32).collect();
@@ -112,19 +114,8 @@ impl SegmentBands {
         self.transformed(buffers)
     }
 
-    /// The greatest magnitude of the correlation of a grain with a segment, but for the rounding of single precision.
-    fn bound(&self, segment: usize, grain: &Bands) -> f32 {
-        let mut lanes = [0.0_f32; 16];
-        let (x, g) = (self.segments[segment].as_chunks::<16>().0, grain.as_chunks::<16>().0);
-        for (x, g) in x.iter().zip(g) {
-            for ((lane, x), g) in lanes.iter_mut().zip(x).zip(g) {
-                *lane += x * g;
-            }
-        }
-        lanes.iter().sum()
-    }
-
-    /// Bounds of the normalised correlation of a grain, of this norm, with each segment; output 0 is at sample `first` of the recording.
+    /// Bounds of the normalised correlation of a grain, of this norm, with each segment, raised by `errors` of each segment, which are relative to the
+    /// norm of the grain; output 0 is at sample `first` of the recording.
     ///
     /// # Complexity
     /// A transform, and a product of each band of each segment.
@@ -135,14 +126,38 @@ impl SegmentBands {
         norm: f64,
         normaliser: &Normaliser,
         first: usize,
+        errors: &[f64],
         buffers: &mut BandBuffers,
     ) -> Vec<f32> {
         let own = self.of_grain(grain, buffers);
-        let of_segment = |segment: usize| {
+        let mut bounds = vec![0.0; self.segments.len()];
+        dispatch!(self.level, _simd => products(&self.segments, &own, &mut bounds));
+        for ((segment, bound), error) in bounds.iter_mut().enumerate().zip(errors) {
             let least = normaliser.least_of(first + segment * SEGMENT, SEGMENT, grain.len());
-            (f64::from(self.bound(segment, &own)) * (1.0 + ROUNDING) / (least * norm)) as f32
-        };
-        (0..self.segments.len()).map(of_segment).collect()
+            *bound = ((f64::from(*bound) * (1.0 + ROUNDING) / norm + error) / least) as f32;
+        }
+        bounds
+    }
+}
+
+/// The greatest magnitude of the correlation of a grain with each segment, but for the rounding of single precision; all instruction sets compute the
+/// same bits.
+#[inline(always)]
+fn products(segments: &[Bands], grain: &Bands, bounds: &mut [f32]) {
+    for (segment, bound) in segments.iter().zip(bounds) {
+        let mut lanes = [0.0_f32; 16];
+        for (x, g) in segment.as_chunks::<16>().0.iter().zip(grain.as_chunks::<16>().0) {
+            for k in 0..16 {
+                lanes[k] += x[k] * g[k];
+            }
+        }
+        let mut width = lanes.len() / 2;
+        while width > 0 {
+            let (low, high) = lanes.split_at_mut(width);
+            low.iter_mut().zip(high).for_each(|(low, high)| *low += *high);
+            width /= 2;
+        }
+        *bound = lanes[0];
     }
 }
 
@@ -150,6 +165,13 @@ impl SegmentBands {
 mod tests {
     use super::*;
     use crate::core::random::Rng;
+
+    /// The bound of a segment.
+    fn bound(bands: &SegmentBands, segment: usize, grain: &Bands) -> f64 {
+        let mut bounds = vec![0.0; bands.segments.len()];
+        products(&bands.segments, grain, &mut bounds);
+        f64::from(bounds[segment])
+    }
 
     #[test]
     fn no_correlation_exceeds_its_bound_and_a_match_comes_near() {
@@ -174,9 +196,11 @@ mod tests {
                 (0..len / 2).map(|_| rng.between(-1.0, 1.0) as f32).collect(),
             ] {
                 let own = bands.of_grain(&g, &mut buffers);
+                let bounds: Vec<f64> =
+                    (0..outputs.div_ceil(SEGMENT)).map(|k| bound(&bands, k, &own)).collect();
                 for t in 0..outputs {
                     let dot: f64 = x[t..].iter().zip(&g).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
-                    let bound = f64::from(bands.bound(t / SEGMENT, &own));
+                    let bound = bounds[t / SEGMENT];
                     assert!(dot.abs() <= bound * (1.0 + 1e-5), "{trial} {t}: {dot} {bound}");
                 }
             }
@@ -189,6 +213,6 @@ mod tests {
         let high: Vec<f32> = (0..500).map(|k| if k % 2 == 0 { 0.1 } else { -0.1 }).collect();
         let bands = SegmentBands::new(&low, 2501, 500);
         let own = bands.of_grain(&high, &mut bands.buffers());
-        assert!(f64::from(bands.bound(2, &own)) < 0.05 * 500_f64.sqrt() * 0.1 * 500_f64.sqrt());
+        assert!(bound(&bands, 2, &own) < 0.05 * 500_f64.sqrt() * 0.1 * 500_f64.sqrt());
     }
 }

@@ -2,8 +2,8 @@
 
 use super::bounds::SEGMENT;
 use super::normaliser::{BLOCK, Normaliser};
-use super::transform::{Blocks, Buffers};
-use fearless_simd::{Level, dispatch};
+use super::transform::{Blocks, Buffers, greatest};
+use std::ops::Range;
 
 /// Normalised correlations of one grain, computed block by block when they are needed.
 #[derive(Clone, Debug, Default)]
@@ -11,8 +11,10 @@ pub struct Scores {
     values: Vec<f32>,
     /// Greatest value of each block; negative if the block was not computed.
     tops: Vec<f32>,
-    /// Answers of the greedy choice so far.
+    /// Answers of the greedy choice so far, in the blocks that are computed.
     choices: Vec<Option<bool>>,
+    /// Greatest correlation of each block that is transformed, before it is normalised.
+    transformed_tops: Vec<f32>,
     /// Blocks of transforms that are computed.
     transformed: Vec<bool>,
 }
@@ -21,11 +23,13 @@ impl Scores {
     fn reset(&mut self, len: usize, transforms: usize) {
         self.transformed.clear();
         self.transformed.resize(transforms, false);
-        self.values.resize(len.max(self.values.len()), 0.0);
+        let blocks = len.div_ceil(BLOCK);
         self.tops.clear();
-        self.tops.resize(len.div_ceil(BLOCK), -1.0);
-        self.choices.clear();
-        self.choices.resize(len, None);
+        self.tops.resize(blocks, -1.0);
+        // Of a block, nothing is read before it is computed.
+        self.transformed_tops.resize(blocks, 0.0);
+        self.values.resize(len.max(self.values.len()), 0.0);
+        self.choices.resize(len.max(self.choices.len()), None);
     }
 }
 
@@ -34,8 +38,17 @@ pub struct Transforms<'a> {
     pub blocks: &'a Blocks,
     /// With the spectrum of the grain.
     pub buffers: &'a mut Buffers,
-    /// Bounds of the normalised correlation in each [`SEGMENT`] of outputs; none where they are not known.
+    /// Bounds of the normalised correlation in each [`SEGMENT`] of outputs, with twice its rounding error; none where they are not known.
     pub bounds: &'a [f32],
+}
+
+/// Twice the greatest rounding error of each [`SEGMENT`] of outputs, relative to the norm of a grain.
+pub fn segment_errors(blocks: &Blocks, outputs: usize) -> Vec<f64> {
+    let ends = |from: usize| [from, (from + SEGMENT).min(outputs) - 1];
+    let error = |from: usize| {
+        ends(from).map(|t| 2.0 * blocks.error(blocks.block_of(t))).into_iter().fold(0.0, f64::max)
+    };
+    (0..outputs).step_by(SEGMENT).map(error).collect()
 }
 
 /// The correlation of a grain with part of a recording.
@@ -52,31 +65,6 @@ pub struct GrainCorrelation<'a> {
     /// The transforms that compute `y`, with their rounding errors added to each value; none if it is there and exact.
     pub transforms: Option<Transforms<'a>>,
     scores: &'a mut Scores,
-    level: Level,
-}
-
-/// Rounding error of a correlation by transforms, relative to the norms of its block and of the grain.
-const ROUNDING: f64 = 1e-6;
-
-/// Greatest value, at least 0.
-fn greatest(level: Level, y: &[f32], absolute: bool) -> f32 {
-    dispatch!(level, _simd => greatest_in_lanes(y, absolute))
-}
-
-#[inline(always)]
-fn greatest_in_lanes(y: &[f32], absolute: bool) -> f32 {
-    let mut lanes = [0.0_f32; 16];
-    let (chunks, rest) = y.as_chunks::<16>();
-    // The bits without the sign are those of the magnitude.
-    let mask = if absolute { 0x7fff_ffff } else { u32::MAX };
-    for chunk in chunks {
-        for (lane, y) in lanes.iter_mut().zip(chunk) {
-            let y = f32::from_bits(y.to_bits() & mask);
-            *lane = if y > *lane { y } else { *lane };
-        }
-    }
-    let of_rest = rest.iter().map(|y| f32::from_bits(y.to_bits() & mask));
-    lanes.into_iter().chain(of_rest).fold(0.0, f32::max)
 }
 
 impl<'a> GrainCorrelation<'a> {
@@ -91,29 +79,30 @@ impl<'a> GrainCorrelation<'a> {
         scores: &'a mut Scores,
     ) -> Self {
         scores.reset(y.len(), transforms.as_ref().map_or(0, |t| t.blocks.count()));
-        Self { y, first, len, norm, normaliser, absolute, transforms, scores, level: Level::new() }
-    }
-
-    /// The first and the last block of transforms that have outputs of a block.
-    fn transforms_of(&self, block: usize) -> Option<[usize; 2]> {
-        let from = block * BLOCK;
-        let last = (from + BLOCK).min(self.y.len()) - 1;
-        self.transforms.as_ref().map(|t| [from, last].map(|k| t.blocks.block_of(k)))
-    }
-
-    /// Returns true if the outputs of a block are computed.
-    fn is_transformed(&self, block: usize) -> bool {
-        self.transforms_of(block).is_none_or(|ends| ends.iter().all(|j| self.scores.transformed[*j]))
-    }
-
-    /// Computes the outputs of a block, unless they are there.
-    fn transform(&mut self, block: usize) {
-        for j in self.transforms_of(block).into_iter().flatten() {
-            if let Some(transforms) = self.transforms.as_mut().filter(|_| !self.scores.transformed[j]) {
-                transforms.blocks.fill(j, transforms.buffers, self.y);
-                self.scores.transformed[j] = true;
+        if transforms.is_none() {
+            for (y, top) in y.chunks(BLOCK).zip(&mut scores.transformed_tops) {
+                *top = greatest(y, absolute);
             }
         }
+        Self { y, first, len, norm, normaliser, absolute, transforms, scores }
+    }
+
+    /// The outputs of a block.
+    fn outputs(&self, block: usize) -> Range<usize> {
+        block * BLOCK..((block + 1) * BLOCK).min(self.y.len())
+    }
+
+    /// Computes the outputs of a block, unless they are there, and returns their rounding error, relative to the norm of the grain.
+    fn transform(&mut self, block: usize) -> f64 {
+        self.transforms.as_mut().map_or(0.0, |transforms| {
+            let j = transforms.blocks.block_of(block * BLOCK);
+            if !self.scores.transformed[j] {
+                let tops = &mut self.scores.transformed_tops;
+                transforms.blocks.fill(j, transforms.buffers, self.absolute, self.y, tops);
+                self.scores.transformed[j] = true;
+            }
+            transforms.blocks.error(j)
+        })
     }
 
     /// Computes a block, unless it is there.
@@ -122,17 +111,13 @@ impl<'a> GrainCorrelation<'a> {
             return;
         }
         self.transform(block);
-        let from = block * BLOCK;
-        let to = (from + BLOCK).min(self.y.len());
-        let mut top = 0.0_f32;
-        for k in from..to {
-            let y = if self.absolute { self.y[k].abs() } else { self.y[k] };
-            let norm = if self.norm > 0.0 { self.normaliser.norm(self.first + k, self.len) } else { None };
-            let c = norm.map_or(0.0, |norm| (f64::from(y) / (norm * self.norm)) as f32);
-            self.scores.values[k] = c;
-            top = top.max(c);
-        }
-        self.scores.tops[block] = top;
+        let outputs = self.outputs(block);
+        let Scores { values, tops, choices, .. } = &mut *self.scores;
+        let c = &mut values[outputs.clone()];
+        choices[outputs.clone()].fill(None);
+        let grain = (self.len, self.norm);
+        self.normaliser.normalise(self.first + outputs.start, grain, self.absolute, &self.y[outputs], c);
+        tops[block] = greatest(c, false);
     }
 
     /// Normalised correlation at a sample of the recording; 0 in silence and outside.
@@ -144,7 +129,7 @@ impl<'a> GrainCorrelation<'a> {
 
     /// Rounding error of `y` at a sample of the recording, relative to the norm of the grain.
     fn noise(&self, t: usize) -> f64 {
-        self.transforms.as_ref().map_or(0.0, |of| ROUNDING * f64::from(of.blocks.norm_at(t - self.first)))
+        self.transforms.as_ref().map_or(0.0, |of| of.blocks.error(of.blocks.block_of(t - self.first)))
     }
 
     /// Rounding error of the normalised correlation at a sample.
@@ -158,52 +143,80 @@ impl<'a> GrainCorrelation<'a> {
         (t <= self.first || c > self.at(t - 1)) && c >= self.at(t + 1)
     }
 
+    /// Returns true if the bounds show that no correlation of a segment reaches `least`, whatever the rounding errors.
+    fn is_bounded(&self, segment: usize, least: f64) -> bool {
+        let bound = self.transforms.as_ref().and_then(|of| of.bounds.get(segment));
+        bound.is_some_and(|bound| f64::from(*bound) < least)
+    }
+
     /// Returns true if no correlation of a block reaches `least`, whatever the rounding errors.
     fn is_below(&mut self, block: usize, least: f64) -> bool {
-        let from = block * BLOCK;
-        let count = BLOCK.min(self.y.len() - from);
-        let t = self.first + from;
-        let noise = self.noise(t).max(self.noise(t + count - 1));
-        let norm = self.normaliser.least(t, count, self.len);
-        let known = self.transforms.as_ref().and_then(|of| of.bounds.get(from / SEGMENT));
-        // What a transform computes may be off by the noise, and is raised by it.
-        if known.is_some_and(|c| f64::from(*c) + 2.0 * noise / norm < least) && !self.is_transformed(block) {
+        let outputs = self.outputs(block);
+        if self.is_bounded(outputs.start / SEGMENT, least) {
             return true;
         }
-        self.transform(block);
+        let noise = self.transform(block);
+        let norm = self.normaliser.least(self.first + outputs.start, outputs.len(), self.len);
         let bound = (least * norm - noise) * self.norm;
-        let top = greatest(self.level, &self.y[from..from + count], self.absolute);
+        let top = self.scores.transformed_tops[block];
         f64::from(top) < bound || top <= 0.0
     }
 
-    /// Visits all local maxima in `range` whose correlation, raised by its rounding error, reaches `least`, which is a function of the sample,
+    /// Visits all local maxima in `range` whose correlation, raised by its rounding error, reaches `least`, which is the least of a range of samples,
     /// and which the greedy choice by falling correlation takes: none that it takes before, within `apart` samples, is greater (or equal
     /// and earlier).
     pub fn taken(
         &mut self,
-        range: std::ops::Range<usize>,
+        range: Range<usize>,
         apart: usize,
-        least: impl Fn(usize) -> f64,
+        least: impl Fn(Range<usize>) -> f64,
         mut visit: impl FnMut(&Self, usize, f64),
     ) {
         let end = range.end.min(self.first + self.y.len());
         let mut t = range.start.max(self.first);
         while t < end {
-            let block = (t - self.first) / BLOCK;
-            let next = (self.first + (block + 1) * BLOCK).min(end);
-            let (low, high) = (least(t), least(next - 1));
-            if !self.is_below(block, low.min(high)) {
-                for t in t..next {
-                    let c = self.at(t);
-                    let wanted = if low == high { low } else { least(t) };
-                    // Rounding errors matter in few windows.
-                    let reaches = f64::from(c) >= wanted || f64::from(c) + self.error(t) >= wanted;
-                    if c > 0.0 && reaches && self.is_maximum(t, c) && self.is_taken(t, c, apart) {
-                        visit(self, t, f64::from(c));
+            let segment = (t - self.first) / SEGMENT;
+            let next = (self.first + (segment + 1) * SEGMENT).min(end);
+            let of_all = least(t..next);
+            if !self.is_bounded(segment, of_all) {
+                for block in (t - self.first) / BLOCK..(next - self.first).div_ceil(BLOCK) {
+                    if !self.is_below(block, of_all) {
+                        let outputs = self.outputs(block);
+                        let of_block = t.max(self.first + outputs.start)..next.min(self.first + outputs.end);
+                        self.taken_in(block, of_block, apart, &least, &mut visit);
                     }
                 }
             }
             t = next;
+        }
+    }
+
+    /// [`Self::taken`] in a range of a block.
+    fn taken_in(
+        &mut self,
+        block: usize,
+        range: Range<usize>,
+        apart: usize,
+        least: &impl Fn(Range<usize>) -> f64,
+        visit: &mut impl FnMut(&Self, usize, f64),
+    ) {
+        self.compute(block);
+        // Rounding errors matter in few windows.
+        let norm = self.normaliser.least(range.start, range.len(), self.len);
+        let certain = least(range.clone()) - self.noise(range.start) / norm;
+        if f64::from(self.scores.tops[block]) < certain {
+            return;
+        }
+        for t in range {
+            let c = self.scores.values[t - self.first];
+            if c <= 0.0 || f64::from(c) < certain {
+                continue;
+            }
+            let wanted = least(t..t + 1);
+            let reaches = f64::from(c) >= wanted || f64::from(c) + self.error(t) >= wanted;
+            if reaches && self.is_maximum(t, c) && self.is_taken(t, c, apart) {
+                visit(self, t, f64::from(c));
+            }
         }
     }
 
@@ -219,6 +232,12 @@ impl<'a> GrainCorrelation<'a> {
         }
         self.scores.choices[t - self.first] = Some(taken);
         taken
+    }
+
+    /// The first sample of a range of computed blocks whose correlation is at least `least`.
+    fn reaching(&self, range: Range<usize>, least: f32) -> Option<usize> {
+        let values = &self.scores.values[range.start - self.first..range.end - self.first];
+        values.iter().position(|d| *d >= least).map(|k| range.start + k)
     }
 
     /// The greatest local maximum within `apart` samples that comes before the one at `t` in the order of the greedy choice, and after
@@ -249,7 +268,9 @@ impl<'a> GrainCorrelation<'a> {
                 continue;
             }
             let start = self.first + block * BLOCK;
-            for u in start.max(from)..(start + BLOCK).min(to) {
+            let mut rest = start.max(from)..(start + BLOCK).min(to);
+            while let Some(u) = self.reaching(rest.clone(), best.map_or(c, |best| best.1)) {
+                rest.start = u + 1;
                 let d = self.scores.values[u - self.first];
                 let is_next = comes_before((u, d), best.unwrap_or((t, c)))
                     && bound.is_none_or(|bound| comes_before(bound, (u, d)));
@@ -330,8 +351,9 @@ mod tests {
         let outputs = x.len() - g.len() + 1;
         let (blocks, normaliser) = (Blocks::new(x, outputs, g.len(), 1024), Normaliser::new(x, -70.0, false));
         let (mut buffers, bands) = (blocks.buffers(), SegmentBands::new(x, outputs, g.len()));
+        let errors = segment_errors(&blocks, outputs);
         let bounds = if is_bounded {
-            bands.bounds(g, norm(g), &normaliser, 0, &mut bands.buffers())
+            bands.bounds(g, norm(g), &normaliser, 0, &errors, &mut bands.buffers())
         } else {
             Vec::new()
         };

@@ -5,7 +5,7 @@ use super::normaliser::Normaliser;
 use super::patterns::{
     CorrelationPatterns, PATTERNS_VERSION, Pattern, Peak, stored_correlation, stored_gain,
 };
-use super::peaks::{GrainCorrelation, Scores, Transforms};
+use super::peaks::{GrainCorrelation, Scores, Transforms, segment_errors};
 use super::transform::{Blocks, best_size};
 use crate::core::computation::Partial;
 use crate::grain::dictionary::GrainDictionary;
@@ -13,6 +13,7 @@ use crate::grain::recording::{Component, GrainRecording, GrainRecordings, Part};
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -104,6 +105,12 @@ impl Slots {
         f64::from(f32::from_bits(self.least[slot].load(Ordering::Relaxed)))
     }
 
+    /// The smallest threshold of the slots of a range of samples.
+    fn least_of(&self, range: Range<usize>) -> f64 {
+        let slots = self.slot(range.start)..=self.slot(range.end.max(range.start + 1) - 1);
+        slots.map(|slot| self.least(slot)).fold(f64::INFINITY, f64::min)
+    }
+
     /// Adds a correlation, which is at least 0: bits of such numbers are ordered as they are.
     fn add(&self, slot: usize, c: f32) {
         let Ok(mut best) = self.best[slot].lock() else { return };
@@ -185,8 +192,9 @@ fn search(
         let blocks = Blocks::new(samples, outputs, bucket.max_len, bucket.size);
         let bounds: Option<Vec<Vec<f32>>> = rules.prune.then(|| {
             let bands = SegmentBands::new(samples, outputs, bucket.max_len);
+            let errors = segment_errors(&blocks, outputs);
             let of_shape = |buffers: &mut _, shape: &Shape| {
-                bands.bounds(&shape.samples, shape.norm, normaliser, first, buffers)
+                bands.bounds(&shape.samples, shape.norm, normaliser, first, &errors, buffers)
             };
             bucket.shapes.par_iter().map_init(|| bands.buffers(), of_shape).collect()
         });
@@ -236,13 +244,13 @@ fn search(
 /// Peaks of one grain that may be among the best of their intervals.
 fn candidates(
     correlation: &mut GrainCorrelation<'_>,
-    section: std::ops::Range<usize>,
+    section: Range<usize>,
     grain: u32,
     slots: &Slots,
     rules: &CorrelateRules,
 ) -> Vec<Candidate> {
     let mut found = Vec::new();
-    let least = |t: usize| (slots.least(slots.slot(t)) - NEAR).max(rules.min);
+    let least = |range: Range<usize>| (slots.least_of(range) - NEAR).max(rules.min);
     let apart = correlation.len / 2;
     correlation.taken(section, apart, least, |correlation, t, c| {
         let (slot, error) = (slots.slot(t), correlation.error(t) + NEAR);

@@ -1,5 +1,6 @@
 //! Correlation of a signal with short grains by overlap-save.
 
+use super::normaliser::BLOCK;
 use fearless_simd::{Level, dispatch};
 use foley_fft::FftPlanner;
 use rustfft::Fft;
@@ -11,6 +12,9 @@ const SIZES: std::ops::RangeInclusive<u32> = 9..=16;
 
 /// Relative penalty on a transform of twice the size: smaller blocks can be left out more often.
 const COARSENESS: f64 = 0.15;
+
+/// Rounding error of a correlation by transforms, relative to the norms of its block and of the grain.
+const ROUNDING: f64 = 1e-6;
 
 /// Size of the transform that takes the least work a sample for grains of up to `len` samples: `N log N / (N - len + 1)`.
 #[must_use]
@@ -28,8 +32,8 @@ pub fn best_size(len: usize) -> usize {
 
 /// Spectra of the blocks of a signal, for grains of up to a length.
 ///
-/// Block `j` has the outputs `j * step .. (j + 1) * step`. Its two halves are the real and the imaginary part of one complex signal: a
-/// correlation with a real grain leaves them apart.
+/// Block `j` has the outputs `j * step .. (j + 1) * step`, a multiple of [`BLOCK`]. Its two halves are the real and the imaginary part of one
+/// complex signal: a correlation with a real grain leaves them apart.
 pub struct Blocks {
     size: usize,
     /// Outputs of half a block.
@@ -38,8 +42,8 @@ pub struct Blocks {
     forward: Arc<dyn Fft<f32>>,
     inverse: Arc<dyn Fft<f32>>,
     spectra: Vec<Vec<Complex<f32>>>,
-    /// Norm of the samples of each block.
-    norms: Vec<f32>,
+    /// Rounding error of the outputs of each block, relative to the norm of the grain.
+    errors: Vec<f32>,
     level: Level,
 }
 
@@ -51,7 +55,8 @@ pub struct Buffers {
 }
 
 impl Blocks {
-    /// Transforms a signal; `outputs` is the number of positions at which grains of up to `max_len` samples begin.
+    /// Transforms a signal; `outputs` is the number of positions at which grains of up to `max_len` samples begin, and `size` is at least that of
+    /// [`best_size`].
     ///
     /// # Shapes
     /// `x: [outputs + max_len - 1]`; samples that are missing are 0.
@@ -62,7 +67,7 @@ impl Blocks {
         let half = Self::half(max_len, size);
         let count = outputs.div_ceil(2 * half);
         let mut scratch = vec![Complex::default(); forward.get_inplace_scratch_len()];
-        let (mut spectra, mut norms) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let (mut spectra, mut errors) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for j in 0..count {
             let part = |k: usize| {
                 let from = (k * half).min(x.len());
@@ -72,16 +77,19 @@ impl Blocks {
             let mut block = vec![Complex::default(); size];
             block.iter_mut().zip(re).for_each(|(z, x)| z.re = *x);
             block.iter_mut().zip(im).for_each(|(z, x)| z.im = *x);
-            norms.push(re.iter().chain(im).map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt() as f32);
+            let energy: f64 = re.iter().chain(im).map(|x| f64::from(*x).powi(2)).sum();
+            errors.push((ROUNDING * energy.sqrt()) as f32);
             forward.process_with_scratch(&mut block, &mut scratch);
+            let scale = 1.0 / size as f32;
+            block.iter_mut().for_each(|z| *z *= scale);
             spectra.push(block);
         }
-        Self { size, half, outputs, forward, inverse, spectra, norms, level: Level::new() }
+        Self { size, half, outputs, forward, inverse, spectra, errors, level: Level::new() }
     }
 
-    /// Outputs of a transform.
+    /// Outputs of half a block.
     fn half(max_len: usize, size: usize) -> usize {
-        (size - max_len.min(size) + 1).max(1)
+        ((size - max_len.min(size) + 1) / BLOCK * BLOCK).max(BLOCK)
     }
 
     /// Buffers of a thread.
@@ -96,11 +104,10 @@ impl Blocks {
     /// Transforms a grain, for [`Self::fill`].
     pub fn transform(&self, grain: &[f32], buffers: &mut Buffers) {
         let Buffers { grain: spectrum, scratch, .. } = buffers;
-        spectrum.fill(Complex::default());
-        spectrum.iter_mut().zip(grain).for_each(|(z, x)| z.re = *x);
+        let (samples, rest) = spectrum.split_at_mut(grain.len().min(self.size));
+        samples.iter_mut().zip(grain).for_each(|(z, x)| *z = Complex::new(*x, 0.0));
+        rest.fill(Complex::default());
         self.forward.process_with_scratch(spectrum, scratch);
-        let scale = 1.0 / self.size as f32;
-        spectrum.iter_mut().for_each(|g| *g = g.conj() * scale);
     }
 
     /// The number of blocks.
@@ -115,25 +122,28 @@ impl Blocks {
         t / (2 * self.half)
     }
 
-    /// Computes `y[t] = sum_n x[t + n] g[n]` for the outputs `t` of block `j` that `y`, which begins with output 0, has.
+    /// Computes `y[t] = sum_n x[t + n] g[n]` for the outputs `t` of block `j` that `y`, which begins with output 0, has, and the [`greatest`] value of
+    /// each [`BLOCK`] of them.
     ///
     /// # Complexity
     /// One inverse transform.
-    pub fn fill(&self, j: usize, buffers: &mut Buffers, y: &mut [f32]) {
-        let Buffers { grain: spectrum, product, scratch } = buffers;
-        dispatch!(self.level, _simd => multiply(&self.spectra[j], spectrum, product));
+    pub fn fill(&self, j: usize, buffers: &mut Buffers, absolute: bool, y: &mut [f32], tops: &mut [f32]) {
+        let Buffers { grain, product, scratch } = buffers;
+        dispatch!(self.level, _simd => multiply(&self.spectra[j], grain, product));
         self.inverse.process_with_scratch(product, scratch);
         let end = self.outputs.min(y.len());
-        let from = (2 * j * self.half).min(end);
-        let (re, im) = y[from..end].split_at_mut(self.half.min(end - from));
-        re.iter_mut().zip(&*product).for_each(|(y, z)| *y = z.re);
-        im.iter_mut().zip(&product[..self.half]).for_each(|(y, z)| *y = z.im);
+        for (half, part) in [(2 * j, Part::Real), (2 * j + 1, Part::Imaginary)] {
+            let from = (half * self.half).min(end);
+            let to = (from + self.half).min(end);
+            let (y, tops) = (&mut y[from..to], &mut tops[from / BLOCK..to.div_ceil(BLOCK)]);
+            dispatch!(self.level, _simd => separate(product, part, absolute, y, tops));
+        }
     }
 
-    /// Norm of the samples of the block that has output `t`: its rounding errors are relative to it.
+    /// Rounding error of the outputs of block `j`, relative to the norm of the grain.
     #[must_use]
-    pub fn norm_at(&self, t: usize) -> f32 {
-        self.norms.get(self.block_of(t)).copied().unwrap_or(0.0)
+    pub fn error(&self, j: usize) -> f64 {
+        f64::from(self.errors[j])
     }
 
     /// Bytes of the spectra of a signal.
@@ -143,11 +153,58 @@ impl Blocks {
     }
 }
 
-/// Products of two spectra; all instruction sets compute the same bits.
+/// A part of complex outputs.
+#[derive(Clone, Copy)]
+enum Part {
+    Real,
+    Imaginary,
+}
+
+/// A part of outputs, and the greatest value of each block of it.
+#[inline(always)]
+fn separate(product: &[Complex<f32>], part: Part, absolute: bool, y: &mut [f32], tops: &mut [f32]) {
+    for ((y, z), top) in y.chunks_mut(BLOCK).zip(product.chunks(BLOCK)).zip(tops) {
+        match part {
+            Part::Real => y.iter_mut().zip(z).for_each(|(y, z)| *y = z.re),
+            Part::Imaginary => y.iter_mut().zip(z).for_each(|(y, z)| *y = z.im),
+        }
+        *top = greatest(y, absolute);
+    }
+}
+
+/// Greatest value or, if `absolute`, magnitude; at least 0.
+#[inline(always)]
+pub fn greatest(y: &[f32], absolute: bool) -> f32 {
+    let mut lanes = [0.0_f32; 16];
+    let (chunks, rest) = y.as_chunks::<16>();
+    // The bits without the sign are those of the magnitude.
+    let mask = if absolute { 0x7fff_ffff } else { u32::MAX };
+    for chunk in chunks {
+        for (lane, y) in lanes.iter_mut().zip(chunk) {
+            let y = f32::from_bits(y.to_bits() & mask);
+            *lane = if y > *lane { y } else { *lane };
+        }
+    }
+    for y in rest {
+        let y = f32::from_bits(y.to_bits() & mask);
+        lanes[0] = if y > lanes[0] { y } else { lanes[0] };
+    }
+    let mut width = lanes.len() / 2;
+    while width > 0 {
+        let (low, high) = lanes.split_at_mut(width);
+        for (low, high) in low.iter_mut().zip(high) {
+            *low = if *high > *low { *high } else { *low };
+        }
+        width /= 2;
+    }
+    lanes[0]
+}
+
+/// Products of a spectrum with the conjugate of another; all instruction sets compute the same bits.
 #[inline(always)]
 fn multiply(x: &[Complex<f32>], g: &[Complex<f32>], product: &mut [Complex<f32>]) {
     for ((p, x), g) in product.iter_mut().zip(x).zip(g) {
-        *p = Complex::new(x.re * g.re - x.im * g.im, x.re * g.im + x.im * g.re);
+        *p = Complex::new(x.re * g.re + x.im * g.im, x.im * g.re - x.re * g.im);
     }
 }
 
@@ -166,7 +223,10 @@ mod tests {
             let blocks = Blocks::new(&x, outputs, len, size);
             let (mut y, mut buffers) = (vec![f32::NAN; outputs], blocks.buffers());
             blocks.transform(&g, &mut buffers);
-            (0..blocks.count()).for_each(|j| blocks.fill(j, &mut buffers, &mut y));
+            let mut tops = vec![f32::NAN; outputs.div_ceil(BLOCK)];
+            (0..blocks.count()).for_each(|j| blocks.fill(j, &mut buffers, false, &mut y, &mut tops));
+            let of_block = |y: &[f32]| y.iter().fold(0.0_f32, |top, y| top.max(*y));
+            assert!(y.chunks(BLOCK).map(of_block).eq(tops.iter().copied()));
             let norm = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
             for (t, y) in y.iter().enumerate() {
                 let direct: f64 = x[t..].iter().zip(&g).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
