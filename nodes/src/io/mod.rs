@@ -7,7 +7,7 @@ mod csv_error;
 mod error;
 mod info;
 pub mod manifest;
-#[cfg(feature = "compressed-audio")]
+#[cfg(feature = "flac")]
 mod packets;
 mod reader;
 pub(crate) mod recording_list;
@@ -16,7 +16,7 @@ pub(crate) mod text_output;
 mod wav;
 mod wav_in;
 pub(crate) mod wav_out;
-#[cfg(not(feature = "compressed-audio"))]
+#[cfg(not(feature = "flac"))]
 mod without_packets;
 
 pub use crate::core::files::ReadSeek;

@@ -3,10 +3,10 @@
 use std::io::{Read, Seek, SeekFrom};
 
 use super::info::{AudioInfo, FileFormat, ReadLimits, check_finite};
-#[cfg(feature = "compressed-audio")]
+#[cfg(feature = "flac")]
 use super::packets::Packets;
 use super::wav::{WavHeader, WavReader};
-#[cfg(not(feature = "compressed-audio"))]
+#[cfg(not(feature = "flac"))]
 use super::without_packets::Packets;
 use super::{AudioError, ReadSeek};
 

@@ -1,4 +1,4 @@
-//! Packet formats in a build without the feature `compressed-audio`: an error.
+//! Packet formats in a build without the feature `flac`: an error.
 
 use super::info::{AudioInfo, FileFormat, ReadLimits};
 use super::{AudioError, AudioWarning, ReadSeek};
@@ -17,7 +17,8 @@ impl<'s> Packets<'s> {
         format: FileFormat,
         _: &ReadLimits,
     ) -> Result<(AudioInfo, Self), AudioError> {
-        let wanted = "this build reads WAV only; the feature `compressed-audio` adds the others";
+        let wanted =
+            "this build reads WAV only; the feature `flac` adds FLAC, and `compressed-audio` the others";
         Err(AudioError::Unsupported { found: format.name().into(), wanted })
     }
 

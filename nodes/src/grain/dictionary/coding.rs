@@ -23,7 +23,7 @@ impl Coding {
 pub const DENSEST: u64 = 256;
 
 /// Encodes integers without loss, if this build has the coder and if it takes fewer bytes.
-#[cfg(feature = "compressed-audio")]
+#[cfg(feature = "flac")]
 pub fn flac(samples: &[i16]) -> Option<Vec<u8>> {
     use flacenc::component::BitRepr;
     use flacenc::error::Verify;
@@ -43,11 +43,11 @@ pub fn flac(samples: &[i16]) -> Option<Vec<u8>> {
 }
 
 /// Samples of the shortest stream.
-#[cfg(feature = "compressed-audio")]
+#[cfg(feature = "flac")]
 const SHORTEST: usize = 64;
 
 /// Encodes nothing: this build has no coder.
-#[cfg(not(feature = "compressed-audio"))]
+#[cfg(not(feature = "flac"))]
 pub fn flac(_: &[i16]) -> Option<Vec<u8>> {
     None
 }
@@ -55,7 +55,7 @@ pub fn flac(_: &[i16]) -> Option<Vec<u8>> {
 /// Decodes such a stream into exactly `count` integers.
 ///
 /// # Errors
-/// Damage, another number of samples, and builds without the feature `compressed-audio`.
+/// Damage, another number of samples, and builds without the feature `flac`.
 pub fn decode(bytes: &[u8], count: usize) -> Result<Vec<i16>, String> {
     let reader = crate::io::AudioReader::open(Box::new(std::io::Cursor::new(bytes)));
     let mut reader = reader.map_err(|e| e.to_string())?;
@@ -82,7 +82,7 @@ pub fn decode(bytes: &[u8], count: usize) -> Result<Vec<i16>, String> {
     Ok(samples)
 }
 
-#[cfg(all(test, feature = "compressed-audio"))]
+#[cfg(all(test, feature = "flac"))]
 mod tests {
     use super::*;
     use crate::core::random::Rng;

@@ -25,8 +25,12 @@ pub(super) fn demux<'s>(
     let open = || -> Result<Box<dyn FormatReader + 's>, CodecError> {
         Ok(match format {
             FileFormat::Flac => Box::new(formats::FlacReader::try_new(stream, options)?),
+            #[cfg(feature = "compressed-audio")]
             FileFormat::Ogg => Box::new(formats::OggReader::try_new(stream, options)?),
+            #[cfg(feature = "compressed-audio")]
             _ => Box::new(formats::MpaReader::try_new(stream, options)?),
+            #[cfg(not(feature = "compressed-audio"))]
+            _ => return Err(CodecError::Unsupported("the feature `compressed-audio` reads it")),
         })
     };
     guarded(open).unwrap_or(Err(PANICKED)).map_err(|e| codec_error(format, e))
@@ -67,7 +71,11 @@ pub(super) fn codec_error(format: FileFormat, error: CodecError) -> AudioError {
         CodecError::IoError(e) if e.kind() != io::ErrorKind::UnexpectedEof => AudioError::Io(e),
         CodecError::Unsupported(what) => AudioError::Unsupported {
             found: format!("this {} file ({what})", format.name()),
-            wanted: "FLAC, Vorbis and MPEG layer III are supported",
+            wanted: if cfg!(feature = "compressed-audio") {
+                "FLAC, Vorbis and MPEG layer III are supported"
+            } else {
+                "this build reads WAV and FLAC"
+            },
         },
         CodecError::IoError(_) => {
             AudioError::Undecodable { format: format.name(), what: "it ends within its header".into() }
