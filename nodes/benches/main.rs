@@ -14,6 +14,7 @@ mod isophotes;
 mod levels;
 mod modal;
 mod onsets;
+mod resample;
 mod rigid;
 mod scrape;
 mod solid;
@@ -31,9 +32,9 @@ macro_rules! benches {
 }
 
 fn main() -> ExitCode {
-    let benches: [Bench; 17] = benches![
+    let benches: [Bench; 18] = benches![
         contact, curvature, damping, direction, friction, grains, image, isophotes, levels, modal, onsets,
-        rigid, scrape, solid, soundtrack, unit, warp,
+        resample, rigid, scrape, solid, soundtrack, unit, warp,
     ];
     let args: Vec<String> = std::env::args().skip(1).filter(|arg| arg != "--bench").collect();
     let named = |name: &str| args.iter().any(|arg| arg == name);

@@ -55,8 +55,8 @@ impl FeatureWindow {
     }
 }
 
-/// Bins that are added together.
-const LANES: usize = 8;
+/// Bins that are added together: many bands are as narrow.
+const LANES: usize = 4;
 
 /// One band: weights of adjacent bins, with weights of 0 up to a multiple of [`LANES`].
 #[derive(Clone, Debug, PartialEq)]
@@ -111,25 +111,19 @@ fn sparse(weights: impl Iterator<Item = f64>) -> Band {
 #[inline(always)]
 fn sums(power: &[f64], bands: &[Band], energies: &mut [f64]) {
     for (energy, band) in energies.iter_mut().zip(bands) {
-        let (bins, rest) = power[band.first..].as_chunks::<LANES>();
+        let Some(bins) = power.get(band.first..band.first + LANES * band.weights.len()) else {
+            // The spectrum is shorter than its lanes.
+            let weighted = power.iter().skip(band.first).zip(band.weights.as_flattened());
+            *energy = weighted.map(|(bin, weight)| bin * weight).sum();
+            continue;
+        };
         let mut lanes = [0.0; LANES];
-        for (bins, weights) in bins.iter().zip(&band.weights) {
+        for (bins, weights) in bins.as_chunks::<LANES>().0.iter().zip(&band.weights) {
             for k in 0..LANES {
                 lanes[k] += bins[k] * weights[k];
             }
         }
-        // Of spectra that end within lanes.
-        for (k, (bin, weights)) in rest.iter().zip(band.weights.iter().skip(bins.len()).flatten()).enumerate()
-        {
-            lanes[k] += bin * weights;
-        }
-        let mut width = LANES / 2;
-        while width > 0 {
-            let (low, high) = lanes.split_at_mut(width);
-            low.iter_mut().zip(high).for_each(|(low, high)| *low += *high);
-            width /= 2;
-        }
-        *energy = lanes[0];
+        *energy = (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
     }
 }
 
