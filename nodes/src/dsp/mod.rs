@@ -6,6 +6,7 @@
 mod channel;
 mod error;
 mod filter;
+mod lanes;
 mod level;
 mod rate;
 mod source;
@@ -22,6 +23,7 @@ pub use error::DspError;
 pub use filter::butterworth::{Band, Butterworth, Cascade};
 pub use filter::section::{Biquad, Section};
 pub use filter::zero_phase::zero_phase;
+pub(crate) use lanes::fold_lanes;
 pub use level::limiter::PeakLimiter;
 pub use level::loudness_meter::LoudnessMeter;
 pub use level::meter::{Level, LevelMeter};

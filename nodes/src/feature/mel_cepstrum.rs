@@ -2,6 +2,7 @@
 
 use super::conventions::{BandShape, FeatureConventions, FeatureWindow, LogScale, MelScale};
 use super::frame_power::FramePower;
+use crate::dsp::fold_lanes;
 use fearless_simd::{Level, dispatch};
 use std::f64::consts::PI;
 
@@ -123,7 +124,7 @@ fn sums(power: &[f64], bands: &[Band], energies: &mut [f64]) {
                 lanes[k] += bins[k] * weights[k];
             }
         }
-        *energy = (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
+        *energy = fold_lanes(lanes, |a, b| a + b);
     }
 }
 

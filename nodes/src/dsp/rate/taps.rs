@@ -1,5 +1,6 @@
 //! Weighted sums of the samples around a position, in lanes.
 
+use crate::dsp::fold_lanes;
 use fearless_simd::{Level, dispatch};
 
 /// Frames that are summed together.
@@ -60,7 +61,7 @@ fn in_lanes<const CHANNELS: usize>(taps: Taps<'_>, window: &[f32]) -> [f32; CHAN
         let tap = taps.at(chunks.len() * LANES + k);
         lanes.iter_mut().zip(frame).for_each(|(lanes, x)| lanes[k] += f64::from(*x) * tap);
     }
-    lanes.map(|lanes| total(lanes) as f32)
+    lanes.map(total)
 }
 
 #[inline(always)]
@@ -77,14 +78,8 @@ fn add<const CHANNELS: usize>(
 }
 
 #[inline(always)]
-fn total(mut lanes: [f64; LANES]) -> f64 {
-    let mut width = LANES / 2;
-    while width > 0 {
-        let (low, high) = lanes.split_at_mut(width);
-        low.iter_mut().zip(high).for_each(|(low, high)| *low += *high);
-        width /= 2;
-    }
-    lanes[0]
+fn total(lanes: [f64; LANES]) -> f32 {
+    fold_lanes(lanes, |a, b| a + b) as f32
 }
 
 /// The sums of any number of channels, one after the other.
@@ -96,7 +91,7 @@ fn of_channels(taps: Taps<'_>, window: &[f32], frame: &mut [f32]) {
             let frames = (lane..count).step_by(LANES);
             frames.map(|k| f64::from(window[k * channels + channel]) * taps.at(k)).sum()
         });
-        *y = total(lanes) as f32;
+        *y = total(lanes);
     }
 }
 

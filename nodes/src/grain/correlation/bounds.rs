@@ -1,6 +1,7 @@
 //! Bounds of correlations, by the energies of bands of frequencies.
 
 use super::normaliser::Normaliser;
+use crate::dsp::fold_lanes;
 use crate::grain::dictionary::TaperShape;
 use fearless_simd::{Level, dispatch};
 use foley_fft::RealFftPlanner;
@@ -151,13 +152,7 @@ fn products(segments: &[Bands], grain: &Bands, bounds: &mut [f32]) {
                 lanes[k] += x[k] * g[k];
             }
         }
-        let mut width = lanes.len() / 2;
-        while width > 0 {
-            let (low, high) = lanes.split_at_mut(width);
-            low.iter_mut().zip(high).for_each(|(low, high)| *low += *high);
-            width /= 2;
-        }
-        *bound = lanes[0];
+        *bound = fold_lanes(lanes, |a, b| a + b);
     }
 }
 

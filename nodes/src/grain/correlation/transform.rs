@@ -1,6 +1,7 @@
 //! Correlation of a signal with short grains by overlap-save.
 
 use super::normaliser::BLOCK;
+use crate::dsp::fold_lanes;
 use fearless_simd::{Level, dispatch};
 use foley_fft::FftPlanner;
 use rustfft::Fft;
@@ -189,15 +190,7 @@ pub fn greatest(y: &[f32], absolute: bool) -> f32 {
         let y = f32::from_bits(y.to_bits() & mask);
         lanes[0] = if y > lanes[0] { y } else { lanes[0] };
     }
-    let mut width = lanes.len() / 2;
-    while width > 0 {
-        let (low, high) = lanes.split_at_mut(width);
-        for (low, high) in low.iter_mut().zip(high) {
-            *low = if *high > *low { *high } else { *low };
-        }
-        width /= 2;
-    }
-    lanes[0]
+    fold_lanes(lanes, |a, b| if b > a { b } else { a })
 }
 
 /// Products of a spectrum with the conjugate of another; all instruction sets compute the same bits.
