@@ -83,7 +83,17 @@ impl Node for MixNode {
     fn run(&mut self, mut io: MixIo<'_>) -> Result<(), Fault> {
         let out = io.out.items();
         out.fill(0.0);
-        for (input, gain) in io.inputs.iter().zip(&mut self.gains) {
+        let mut inputs = io.inputs.iter();
+        let (groups, rest) = self.gains.as_chunks_mut::<4>();
+        for gains in groups {
+            let (Some(a), Some(b), Some(c), Some(d)) =
+                (inputs.next(), inputs.next(), inputs.next(), inputs.next())
+            else {
+                break;
+            };
+            Gain::add_all(gains, [a.items(), b.items(), c.items(), d.items()], out);
+        }
+        for (input, gain) in inputs.zip(rest) {
             gain.add(input.items(), out);
         }
         Ok(())

@@ -9,6 +9,7 @@ use crate::core::time::{Tick, seconds, ticks};
 use crate::impl_state;
 use crate::modal::Impact;
 use crate::rigid::item::{ContactFrame, ContactState, State};
+use std::collections::VecDeque;
 
 /// Classifier of contacts: impacts, and static, sliding, rolling or mixed contact.
 ///
@@ -23,6 +24,8 @@ use crate::rigid::item::{ContactFrame, ContactState, State};
 pub struct Classifier {
     rules: Rules,
     contacts: Vec<TrackedContact>,
+    /// Contacts that have ended within `impact_median`, in the order of their ends.
+    ended: VecDeque<TrackedContact>,
     max_contacts: usize,
     /// Impacts not read yet, with their contacts, in the order of time.
     impacts: Vec<(Tick, u64, Impact)>,
@@ -35,7 +38,14 @@ pub struct Classifier {
     /// Number of frames in each state.
     pub frames: [u64; 5],
 }
-impl_state!(Classifier { contacts, impacts, impact_count, not_finite, dropped, frames });
+impl_state!(Classifier { contacts, ended, impacts, impact_count, not_finite, dropped, frames });
+
+/// Coefficient of variation of the force above which a contact that lands twice rattles.
+const LANDING_VARIATION: f64 = 1.0;
+/// Speed below which a contact that moves comes to rest, relative to that below which one at rest stays so.
+const REST_SHARE: f64 = 0.5;
+/// Smallest cosine of the angle between the normals of a contact and of an earlier one that it continues.
+const MIN_COSINE: f64 = 0.7;
 
 /// Slip along the surface, and speed along the normal, m/s.
 fn split_velocity(frame: &ContactFrame) -> (Vec3, f64) {
@@ -59,6 +69,7 @@ impl Classifier {
         Self {
             rules,
             contacts: Vec::with_capacity(max_contacts),
+            ended: VecDeque::with_capacity(max_contacts),
             max_contacts,
             impacts: Vec::with_capacity(MAX_IMPACTS),
             impact_count: 0,
@@ -77,6 +88,8 @@ impl Classifier {
     pub fn take_state(&mut self, old: &Self) {
         self.contacts.clear();
         self.contacts.extend(old.contacts.iter().take(self.max_contacts).copied());
+        self.ended.clear();
+        self.ended.extend(old.ended.iter().take(self.max_contacts).copied());
         self.impacts.clear();
         self.impacts.extend_from_slice(&old.impacts);
         (self.impact_count, self.not_finite, self.dropped, self.frames) =
@@ -97,13 +110,15 @@ impl Classifier {
             previous => {
                 if let Some(mut previous) = previous {
                     self.finish_impact(&mut previous);
+                    self.remember(previous);
                 }
-                TrackedContact::new(tick, frame)
+                self.begin(tick, frame)
             }
         };
         let state = self.classify(&mut contact, tick, frame);
         if frame.ends {
             self.finish_impact(&mut contact);
+            self.remember(contact);
             return Some(state);
         }
         if self.contacts.len() >= self.max_contacts {
@@ -113,6 +128,32 @@ impl Classifier {
             self.contacts.push(contact);
         }
         Some(state)
+    }
+
+    /// Stores a contact that has ended.
+    fn remember(&mut self, contact: TrackedContact) {
+        if self.ended.len() >= self.max_contacts {
+            self.ended.pop_front();
+        }
+        if self.ended.len() < self.max_contacts {
+            self.ended.push_back(contact);
+        }
+    }
+
+    /// A contact that begins with a frame; it continues the history of one of the same bodies that has just ended.
+    fn begin(&mut self, tick: Tick, frame: &ContactFrame) -> TrackedContact {
+        let oldest = tick - ticks(self.rules.impact_median);
+        self.ended.retain(|c| c.last_tick >= oldest);
+        let normal = widen(frame.normal);
+        let continues = |c: &TrackedContact| {
+            c.latest.bodies == frame.bodies && dot(widen(c.latest.normal), normal) > MIN_COSINE
+        };
+        let earlier = self.ended.iter().rposition(continues).and_then(|k| self.ended.remove(k));
+        let mut contact = TrackedContact::new(tick, frame);
+        if let Some(earlier) = earlier {
+            contact.history = earlier.history.continued(tick - frame.interval);
+        }
+        contact
     }
 
     /// Drops the contact whose latest frame is the oldest.
@@ -137,7 +178,8 @@ impl Classifier {
                 self.finish_last_impact(k);
             }
             if has_ended {
-                self.contacts.swap_remove(k);
+                let contact = self.contacts.swap_remove(k);
+                self.remember(contact);
             } else {
                 k += 1;
             }
@@ -238,9 +280,18 @@ impl Classifier {
         rolling: f64,
     ) -> Option<[f64; 2]> {
         let rules = &self.rules;
+        let lands = contact.history.back(0).is_some_and(|s| s.approach >= rules.impact_approach);
+        let limits = [rules.steady_leave, LANDING_VARIATION];
+        let rattles = contact.history.lands_repeatedly(
+            lands,
+            rules.refractory,
+            rules.impact_median,
+            limits,
+            rules.impact_force,
+        ) || contact.history.is_often_free(rules.impact_median);
         let is_held = tick - contact.first_tick >= ticks(rules.held)
             && contact.history.count >= rules.held_frames
-            && !contact.history.rattles(rules.impact_median);
+            && !rattles;
         let limit = if contact.steady { rules.steady_leave } else { rules.steady_enter };
         // A contact with hardly any force or speed is steady, whatever its noise.
         let min_means = [rules.impact_force, rules.static_speed];
@@ -281,7 +332,10 @@ impl Classifier {
             State::Sliding => recent_sliding >= rules.sliding_leave,
             _ => sliding >= rules.sliding_speed,
         };
-        let rests = recent_sliding < rules.static_speed && recent_rolling < rules.static_speed;
+        // Rest has hysteresis too: at a low rate the fastest moments of a motion to and fro are seen now and then.
+        let is_slow = matches!(previous, State::Static | State::Unsteady);
+        let rest = rules.static_speed * if is_slow { 1.0 } else { REST_SHARE };
+        let rests = recent_sliding < rest && recent_rolling < rest;
         match previous {
             State::Rolling | State::Sliding if rolls => State::Rolling,
             State::Sliding if slides => State::Sliding,

@@ -12,6 +12,8 @@ const SLOT: f64 = 1.0 / 240.0;
 const FREE_FORCE: [f64; 2] = [0.01, 0.25];
 /// Part of the time with hardly any force in which a contact rattles.
 const FREE_SHARE: f64 = 0.2;
+/// Shortest time over which the force of landings is compared, s.
+const MIN_LANDING_TIME: f64 = 0.06;
 /// Smallest number of slots in a window.
 const MIN_SLOTS: usize = 4;
 
@@ -88,6 +90,12 @@ pub(super) struct History {
     slots: [Slot; CAPACITY],
     /// Slots so far.
     slot_count: usize,
+    /// Slots before the contact began: those of an earlier contact of the same bodies, and the gap after it.
+    earlier_slots: usize,
+    /// Times of the latest two landings, the latest first; negative if there was none.
+    landings: [Tick; 2],
+    /// True while the contact lands again and again.
+    is_landing: bool,
 }
 
 impl History {
@@ -97,7 +105,26 @@ impl History {
             count: 0,
             slots: [Slot::default(); CAPACITY],
             slot_count: 0,
+            earlier_slots: 0,
+            landings: [Tick::MIN; 2],
+            is_landing: false,
         }
+    }
+
+    /// History of a contact of the same bodies that begins at a time: without force since the end of this one.
+    pub fn continued(&self, begin: Tick) -> Self {
+        let mut next = Self { samples: [Sample::default(); CAPACITY], count: 0, ..*self };
+        let end = self.slot(0).map_or(begin, |s| s.tick);
+        let gap = (begin - end).max(0);
+        let pieces = (seconds(gap) / SLOT).ceil().min(CAPACITY as f64) as i64;
+        for k in 1..=pieces {
+            let slot =
+                Slot { tick: end + gap * k / pieces, length: seconds(gap / pieces), ..Slot::default() };
+            next.slots[next.slot_count % CAPACITY] = slot;
+            next.slot_count += 1;
+        }
+        next.earlier_slots = next.slot_count;
+        next
     }
 
     /// Adds a frame; its mean force over `blend` seconds is computed here.
@@ -107,7 +134,7 @@ impl History {
         let sample = Sample { mean_force: self.mean_force(blend), ..sample };
         self.samples[(self.count - 1) % CAPACITY] = sample;
         // Half a frame of tolerance, so that frames of 240 Hz with jitter are slots of their own.
-        let is_full = self.slot(0).is_none_or(|slot| slot.length + 0.5 * sample.step >= SLOT);
+        let is_full = self.own_slot(0).is_none_or(|slot| slot.length + 0.5 * sample.step >= SLOT);
         if is_full {
             self.slots[self.slot_count % CAPACITY] = Slot::default();
             self.slot_count += 1;
@@ -121,7 +148,12 @@ impl History {
         (age < self.count.min(CAPACITY)).then(|| self.samples[(self.count - 1 - age) % CAPACITY])
     }
 
-    /// The slot `age` slots before the latest.
+    /// The slot `age` slots before the latest, of this contact.
+    fn own_slot(&self, age: usize) -> Option<Slot> {
+        self.slot(age).filter(|_| age < self.slot_count - self.earlier_slots)
+    }
+
+    /// The slot `age` slots before the latest, of this contact or an earlier one.
     fn slot(&self, age: usize) -> Option<Slot> {
         (age < self.slot_count.min(CAPACITY)).then(|| self.slots[(self.slot_count - 1 - age) % CAPACITY])
     }
@@ -136,15 +168,15 @@ impl History {
     fn slots_before(&self, age: usize, time: f64) -> impl Iterator<Item = Slot> {
         let at = self.back(age).map_or(0, |s| s.tick);
         let from = at - ticks(time);
-        let before = (0..).map_while(|k| self.slot(k)).skip_while(move |s| s.tick >= at);
+        let before = (0..).map_while(|k| self.own_slot(k)).skip_while(move |s| s.tick >= at);
         before.take_while(move |s| s.tick >= from)
     }
 
     /// The latest slots within a time, at least four; fewer if there are none before them.
     fn window(&self, time: f64) -> impl Iterator<Item = Slot> {
-        let from = self.slot(0).map_or(0, |s| s.tick) - ticks(time);
+        let from = self.own_slot(0).map_or(0, |s| s.tick) - ticks(time);
         (0..)
-            .map_while(|k| Some((k, self.slot(k)?)))
+            .map_while(|k| Some((k, self.own_slot(k)?)))
             .take_while(move |(k, s)| *k < MIN_SLOTS || s.tick >= from)
             .map(|(_, slot)| slot)
     }
@@ -184,17 +216,23 @@ impl History {
         forces.get(n / 2).copied()
     }
 
-    /// Returns true if the contact had hardly any force for a part of a time that ends with the latest frame: it rattles.
-    ///
-    /// The force is compared with the median of the force while the bodies touch, which a single hard landing does not change.
-    pub fn rattles(&self, time: f64) -> bool {
-        let mut forces = [0.0; CAPACITY];
-        let mut n = 0;
+    /// Slots of this contact and of earlier ones within a time that ends with the latest frame, with their length and mean force.
+    fn recent_slots(&self, time: f64) -> (impl Iterator<Item = Slot>, f64, f64) {
         let from = self.slot(0).map_or(0, |s| s.tick) - ticks(time);
-        let slots = || (0..).map_while(|k| self.slot(k)).take_while(|s| s.tick >= from);
+        let slots = move || (0..).map_while(move |k| self.slot(k)).take_while(move |s| s.tick >= from);
         let length: f64 = slots().map(|s| s.length).sum();
         let mean = slots().map(|s| s.mean_force * s.length).sum::<f64>() / length.max(1e-9);
-        for (force, slot) in forces.iter_mut().zip(slots().filter(|s| s.mean_force > FREE_FORCE[0] * mean)) {
+        (slots(), length, mean)
+    }
+
+    /// Returns true if the bodies had hardly any contact for a part of a time that ends with the latest frame: they rattle.
+    ///
+    /// The force is compared with the median of the force while the bodies touch, which a single hard landing does not change.
+    pub fn is_often_free(&self, time: f64) -> bool {
+        let (slots, length, mean) = self.recent_slots(time);
+        let mut forces = [0.0; CAPACITY];
+        let mut n = 0;
+        for (force, slot) in forces.iter_mut().zip(slots.filter(|s| s.mean_force > FREE_FORCE[0] * mean)) {
             *force = slot.mean_force;
             n += 1;
         }
@@ -202,7 +240,35 @@ impl History {
         forces.sort_unstable_by(f64::total_cmp);
         let median = forces.get(n / 2).copied().unwrap_or(0.0);
         let is_free = |s: &Slot| s.mean_force <= FREE_FORCE[1] * median;
-        slots().filter(is_free).map(|s| s.length).sum::<f64>() > FREE_SHARE * length
+        let (slots, ..) = self.recent_slots(time);
+        slots.filter(is_free).map(|s| s.length).sum::<f64>() > FREE_SHARE * length
+    }
+
+    /// Notes a landing in the latest frame, `refractory` seconds after the one before or later, and returns true while the
+    /// bodies land again and again: twice within a time, with a coefficient of variation of the force above `limits[1]`, until
+    /// there is no landing for that time or it is below `limits[0]`. A gap shorter than a frame is seen in this way alone.
+    ///
+    /// A mean force below `min_force` counts as that.
+    pub fn lands_repeatedly(
+        &mut self,
+        lands: bool,
+        refractory: f64,
+        time: f64,
+        limits: [f64; 2],
+        min_force: f64,
+    ) -> bool {
+        let now = self.slot(0).map_or(0, |s| s.tick);
+        if lands && now.saturating_sub(self.landings[0]) >= ticks(refractory) {
+            self.landings = [now, self.landings[0]];
+        }
+        let (slots, length, mean) = self.recent_slots(time);
+        let variance =
+            slots.map(|s| s.length * (s.mean_force - mean).powi(2)).sum::<f64>() / length.max(1e-9);
+        let variation = if length < MIN_LANDING_TIME { 0.0 } else { variance.sqrt() / mean.max(min_force) };
+        let [latest, before] = self.landings.map(|at| now.saturating_sub(at) <= ticks(time));
+        self.is_landing =
+            if self.is_landing { latest && variation > limits[0] } else { before && variation > limits[1] };
+        self.is_landing
     }
 
     /// Coefficients of variation of force and of surface speed within a time, over at least four slots; means below `min_means`

@@ -12,6 +12,10 @@ const APPROACH_TIME: f64 = 0.02;
 /// Force of a frame that belongs to an impact, relative to the largest; less while the force falls.
 const PULSE_SHARE: f64 = 0.25;
 
+/// Speed of approach of a frame after an impact, relative to its own, from which it is another impact: one edge of a plate touches
+/// before the other lands.
+const HARDER: f64 = 1.2;
+
 /// Capacity of the queue of impacts.
 pub(super) const MAX_IMPACTS: usize = 1024;
 
@@ -34,8 +38,10 @@ impl ImpactDetector<'_> {
         let Some(here) = contact.history.back(age) else { return false };
         let before = contact.history.back(age + 1);
         let rules = self.rules;
-        let is_refractory = contact.last_impact.is_some_and(|at| here.tick - at < ticks(rules.refractory));
         let approach = contact.history.max_approach(age, APPROACH_TIME);
+        let is_refractory = contact
+            .last_impact
+            .is_some_and(|(at, speed)| here.tick - at < ticks(rules.refractory) && approach < HARDER * speed);
         if is_refractory || approach < rules.impact_approach || here.force <= 0.0 {
             return false;
         }
@@ -57,7 +63,8 @@ impl ImpactDetector<'_> {
         let earlier = contact.history.impulse_before(age, rules.pulse, base, least);
         let is_tail =
             |s: &Sample| s.force > base && s.force < here.force && s.tick - here.tick <= ticks(rules.pulse);
-        let later = next.filter(|s| s.force >= least || is_tail(s));
+        let is_softer = |s: &Sample| s.approach < HARDER * approach;
+        let later = next.filter(|s| is_softer(s) && (s.force >= least || is_tail(s)));
         let impulse = (here.force - base) * here.step
             + earlier
             + later.map_or(0.0, |s| (s.force - base).max(0.0) * s.step);
@@ -107,7 +114,8 @@ impl ImpactDetector<'_> {
         let Some(open) = &mut contact.open else { return false };
         let is_tail = sample.force > open.base && sample.force < open.last;
         let belongs = sample.force >= PULSE_SHARE * open.peak || is_tail;
-        if !belongs || sample.tick - open.found > ticks(self.rules.pulse) {
+        let is_harder = sample.approach >= HARDER * open.approach;
+        if !belongs || is_harder || sample.tick - open.found > ticks(self.rules.pulse) {
             self.close(contact);
             return false;
         }
@@ -122,7 +130,7 @@ impl ImpactDetector<'_> {
         if open.min_impulse > 0.0 && (open.impulse < open.min_impulse || contact.steady) {
             return;
         }
-        contact.last_impact = Some(open.found);
+        contact.last_impact = Some((open.found, open.approach));
         let impact = self.impact(&open);
         self.queue_impact(open.at, contact.id, impact, &open.frame);
     }

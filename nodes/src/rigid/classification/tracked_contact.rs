@@ -41,7 +41,8 @@ pub(super) struct TrackedContact {
     pub steady: bool,
     /// Time of the last change of state.
     pub last_change: Option<Tick>,
-    pub last_impact: Option<Tick>,
+    /// Time and speed of approach of the last impact.
+    pub last_impact: Option<(Tick, f64)>,
     /// True while the latest frame is not tested for an impact.
     pub pending: bool,
     /// Impact whose force has not ended.

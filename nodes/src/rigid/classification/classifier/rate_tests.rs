@@ -295,6 +295,92 @@ fn a_bounce_has_its_energy_impulse_and_time_at_30_to_1200_frames_per_second() {
     }
 }
 
+/// A plate on two edges over a table that shakes, in the frame of the table; steps of [`Rattle::STEP`].
+struct Rattle {
+    /// Height of the centre and its velocity, in m and m/s; impulse so far, N s; speed of approach of an edge that touches, m/s.
+    steps: Vec<[f64; 4]>,
+}
+
+impl Rattle {
+    const STEP: f64 = 1.0 / 24_000.0;
+    const MASS: f64 = 0.4;
+
+    /// The table shakes at a frequency in Hz with an amplitude in m.
+    fn new(duration: f64, frequency: f64, amplitude: f64) -> Self {
+        const HALF_LENGTH: f64 = 0.07;
+        const STIFFNESS: f64 = 2e5;
+        const DAMPING: f64 = 120.0;
+        let inertia = Self::MASS * HALF_LENGTH * HALF_LENGTH / 2.0;
+        let w = std::f64::consts::TAU * frequency;
+        let (mut z, mut v, mut tilt, mut turn, mut impulse) = (0.0, 0.0, 0.004, 0.0, 0.0);
+        let steps = (0..=(duration / Self::STEP) as usize)
+            .map(|k| {
+                let time = k as f64 * Self::STEP;
+                let mut force = [0.0; 2];
+                let mut approach = 0.0_f64;
+                for (force, side) in force.iter_mut().zip([-HALF_LENGTH, HALF_LENGTH]) {
+                    let (height, speed) = (z + side * tilt, v + side * turn);
+                    if height < 0.0 {
+                        *force = (-STIFFNESS * height - DAMPING * speed).max(0.0);
+                        approach = approach.max(-speed);
+                    }
+                }
+                let [left, right] = force;
+                let shake = amplitude * w * w * (w * time).sin() * (4.0 * time).min(1.0);
+                v += Self::STEP * ((left + right) / Self::MASS - G + shake);
+                turn += Self::STEP * HALF_LENGTH * (right - left) / inertia;
+                z += Self::STEP * v;
+                tilt += Self::STEP * turn;
+                impulse += Self::STEP * (left + right);
+                [z, v, impulse, approach]
+            })
+            .collect();
+        Self { steps }
+    }
+
+    /// Motion at a time: the plate also slides slowly to and fro.
+    fn at(&self, time: f64, step: f64) -> Instant {
+        let index = |t: f64| ((t.max(0.0) / Self::STEP).round() as usize).min(self.steps.len() - 1);
+        let (from, to) = (index(time - step), index(time));
+        let [height, velocity, until, _] = self.steps[to];
+        let approach = self.steps[from + 1..=to].iter().map(|[.., v]| *v).fold(0.0, f64::max);
+        let impulse = until - self.steps[from][2];
+        let x = 0.02 * (4.0 * time).sin();
+        let touch = Touch { point: [x, 0.0, 0.0], impulse, approach: Some(approach), depth: None };
+        Instant {
+            position: [x, 0.0, 0.01 + height],
+            velocity: [0.08 * (4.0 * time).cos(), 0.0, velocity],
+            contact: (impulse > 0.0).then_some(touch),
+            ..Instant::default()
+        }
+    }
+}
+
+#[test]
+fn a_plate_that_rattles_has_the_same_states_and_energy_of_impacts_at_any_rate() {
+    let duration = 3.0;
+    for (frequency, amplitude) in [(9.0, 5e-3), (13.0, 2.5e-3), (18.0, 1.5e-3), (25.0, 6e-4)] {
+        let rattle = Rattle::new(duration, frequency, amplitude);
+        let all = RATES.map(|rate| classify(rate, duration, 1, Rattle::MASS, &|t, step| rattle.at(t, step)));
+        // Without a contact the plate is as silent as in an unsteady one.
+        let states = |k: usize| {
+            let (line, _) = timeline(&all[k].0, duration);
+            line.into_iter().map(|s| s.unwrap_or(State::Unsteady)).collect::<Vec<_>>()
+        };
+        let energy = |k: usize| -> f64 { all[k].1.iter().map(|(_, impact)| f64::from(impact.energy)).sum() };
+        let right = states(2);
+        let rattling = right.iter().filter(|s| **s == State::Unsteady).count();
+        assert!(rattling * 10 > right.len() * 7, "{rattling} of {} ms at {frequency} Hz", right.len());
+        for (k, rate) in RATES.iter().enumerate().take(2) {
+            let same =
+                states(k).iter().zip(&right).filter(|(a, b)| a == b).count() as f64 / right.len() as f64;
+            let db = 10.0 * (energy(k) / energy(2)).log10();
+            println!("{frequency} Hz at {rate} Hz: {:.1} % of the time, {db:.2} dB", 100.0 * same);
+            assert!(same >= 0.95 && db.abs() < 1.0, "{frequency} Hz at {rate} Hz: {same}, {db} dB");
+        }
+    }
+}
+
 #[test]
 fn a_contact_without_poses_begins_its_depth_over_its_approach_before_the_frame() {
     let frame = |depth: f64| {
