@@ -63,7 +63,8 @@ impl ContactTracker {
             velocity: oriented(message.velocity),
             travel: [over_a, over_b],
             approach: message.approach.map(|v| v as f32),
-            depth: message.depth.map(|d| d as f32),
+            // That of a contact that goes on says nothing about a landing.
+            depth: message.depth.filter(|_| previous.is_none()).map(|d| d as f32),
             mass: message.mass.map(|m| m as f32),
             begins: previous.is_none(),
             ends: false,

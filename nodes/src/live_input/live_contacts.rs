@@ -89,7 +89,7 @@ impl Node for LiveContacts {
     type Params = LiveContactsParams;
     type Ports = LiveContactsPorts;
     const NAME: &'static str = "LiveContacts";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &LiveContactsParams, s: &mut Shape<'_, '_, LiveContactsPorts>) -> Result<(), Reject> {

@@ -32,7 +32,8 @@ pub struct ContactFrame {
     pub travel: [Option<[f32; 3]>; 2],
     /// Largest speed of approach along the normal within the frame, m/s, at least 0, if known.
     pub approach: Option<f32>,
-    /// Depth of penetration at the end of the frame, m, negative for a gap, if known.
+    /// In a frame in which the contact begins, the depth of penetration at its end, m, negative for a gap, if known; in one in which
+    /// bodies in contact land again, the time since then times `approach`.
     pub depth: Option<f32>,
     /// Effective mass of the pair, kg, if known.
     pub mass: Option<f32>,

@@ -170,7 +170,7 @@ impl Classifier {
         let (end_time, pulse) = (self.rules.end_time(), ticks(self.rules.pulse));
         let mut k = 0;
         while let Some(contact) = self.contacts.get(k) {
-            let overdue_time = self.rules.overdue_time(contact.history.count == 1);
+            let overdue_time = self.rules.overdue_time(contact.latest.depth.is_some());
             let is_overdue = contact.pending && contact.last_tick + overdue_time < now;
             let has_ended = contact.last_tick + end_time < now;
             let is_over = contact.open.is_some_and(|open| open.found + pulse < now);

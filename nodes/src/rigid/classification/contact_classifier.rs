@@ -196,7 +196,7 @@ impl Node for ContactClassifier {
     type Params = ContactClassifierParams;
     type Ports = ContactClassifierPorts;
     const NAME: &'static str = "ContactClassifier";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 1000.0;
 

@@ -89,8 +89,9 @@ impl ImpactDetector<'_> {
     /// Time of an impact in a frame, between the forces of the frame before and after it.
     fn impact_time(&self, frame: &ContactFrame, here: Sample, approach: f64, around: [f64; 2]) -> Tick {
         let rules = self.rules;
-        if let Some(depth) = frame.depth.filter(|_| frame.begins) {
+        if let Some(depth) = frame.depth {
             let depth = f64::from(depth);
+            let approach = frame.approach.map(f64::from).filter(|v| *v > 0.0).unwrap_or(approach);
             // A gap opens at the speed of separation, or closes at that of approach after the frame.
             let since = if depth < 0.0 && here.separation > 0.0 {
                 -depth / here.separation

@@ -105,17 +105,17 @@ impl Default for Rules {
 
 impl Rules {
     /// Returns the latency: a frame is tested for an impact when the next one arrives or is overdue, the impulse is summed for
-    /// `pulse`, and the impact may be up to half a frame before the end of its frame; if a contact begins, up to a whole one.
+    /// `pulse`, and the impact may be up to half a frame before the end of its frame; if its depth is known, up to a whole one.
     #[must_use]
     pub fn latency(&self) -> Tick {
         let frame = ticks(self.frame);
         frame + frame.max(ticks(self.pulse))
     }
 
-    /// Time after which the next frame of a contact is overdue; earlier in the first frame, whose impact may be earlier too.
-    pub(super) fn overdue_time(&self, is_first: bool) -> Tick {
+    /// Time after which the next frame of a contact is overdue; earlier after one of known depth, whose impact may be earlier too.
+    pub(super) fn overdue_time(&self, has_depth: bool) -> Tick {
         let frame = ticks(self.frame);
-        if is_first { 2 * frame - self.begin_time() } else { frame * 3 / 2 }
+        if has_depth { 2 * frame - self.begin_time() } else { frame * 3 / 2 }
     }
 
     /// Longest time from the begin of a contact to the end of its first frame: almost a frame, so that times of frames may be rounded.

@@ -221,6 +221,9 @@ impl<'a> ContactTracker<'a> {
             frame.depth = Some((begin.approach * begin.age) as f32);
             frame.approach = frame.approach.map(|_| begin.approach as f32);
             track.has_age = true;
+        } else if let Some(depth) = self.landing_depth(new, self.step, tick) {
+            frame.depth = Some(depth as f32);
+            track.has_age = true;
         }
         track.frame_index = self.frames.len();
         self.frames.push((tick, ContactFrame { begins: true, ..frame }));
@@ -241,6 +244,8 @@ impl<'a> ContactTracker<'a> {
             let before = sub(last_material[1], last_material[0]);
             frame.approach = Some((-dot(before, new.row.normal)).max(0.0) as f32);
         }
+        // That of a contact that goes on says nothing about a landing.
+        frame.depth = self.landing_depth(new, step, tick).map(|depth| depth as f32);
         // The force is 0 in missing frames, and the contact moves evenly: at rest it would jump after them.
         if let Some((at, old)) = self.frames.get(track.frame_index).copied() {
             for n in 1..=missing {
@@ -358,6 +363,43 @@ impl<'a> ContactTracker<'a> {
         let begin = Begin { age: step - before, approach: approach_at(before)? };
         // Bodies that rebound change their speed by more than that at which they met.
         (begin.approach > 0.0 && jump >= 0.5 * begin.approach).then_some(begin)
+    }
+
+    /// Depth that a landing within a frame would have at its end, at the speed of approach: its time times that speed. `None` if the
+    /// poses have no rows at both ends of the frame, if a body rotates far in it, or if the speed at the point hardly changes.
+    ///
+    /// As in [`begin`](Self::begin), for the material at the point of contact in place of the centres of the bodies: an edge that
+    /// lands stops, and the body goes on.
+    fn landing_depth(&self, new: &Observation, step: Tick, tick: Tick) -> Option<f64> {
+        /// Largest rotation within the frame, rad: the path of the point is nearly straight.
+        const MAX_ROTATION: f64 = 0.5;
+        /// Smallest speed of approach, m/s.
+        const MIN_APPROACH: f64 = 0.02;
+        let (seconds, normal, approach) = (seconds(step), new.row.normal, row_approach(new));
+        if approach < MIN_APPROACH {
+            return None;
+        }
+        let motion = |k: usize, tick: Tick| {
+            let body = new.row.bodies[k];
+            if self.poses.has(body) { self.poses.row_at(body, tick) } else { Some(Motion::default()) }
+        };
+        // Where the material is that is at the point at the end of the frame, and its velocity.
+        let material = |k: usize, tick_then: Tick| {
+            let (now, then) = (motion(k, tick)?, motion(k, tick_then)?);
+            let point = then.to_world(now.to_local(new.row.point));
+            let is_straight = norm(then.angular_velocity) * seconds <= MAX_ROTATION;
+            is_straight.then(|| (point, then.velocity_at(point)))
+        };
+        let along = |tick: Tick| {
+            let ((on_a, v_a), (on_b, v_b)) = (material(0, tick)?, material(1, tick)?);
+            Some([dot(sub(on_b, on_a), normal), dot(sub(v_b, v_a), normal)])
+        };
+        let ([x0, v0], [x1, v1]) = (along(tick - step)?, along(tick)?);
+        let jump = v1 - v0;
+        (jump >= 0.5 * approach).then(|| {
+            let before = ((v1 * seconds - (x1 - x0)) / jump).clamp(0.0, seconds);
+            approach * (seconds - before)
+        })
     }
 
     /// Effective mass of a pair: `1 / (1/m1 + 1/m2)`.

@@ -5,7 +5,7 @@ use super::columns::{Columns, Field, POSES};
 use super::error::LogFault;
 use super::row::{MAX_ROWS, MAX_TIME};
 use super::table::{Cells, read_table};
-use crate::contact::vector::{Vec3, add, cross, norm, rotate_back, scale, sub};
+use crate::contact::vector::{Vec3, add, cross, norm, rotate, rotate_back, scale, sub};
 use crate::core::time::{Tick, seconds, ticks};
 use std::collections::HashMap;
 
@@ -42,6 +42,11 @@ impl Motion {
     /// Converts a world point to the body's frame.
     pub fn to_local(self, point: Vec3) -> Vec3 {
         rotate_back(self.rotation, sub(point, self.position))
+    }
+
+    /// Converts a point of the body's frame to the world.
+    pub fn to_world(self, point: Vec3) -> Vec3 {
+        add(self.position, rotate(self.rotation, point))
     }
 
     /// Velocity of the body's material at a world point.

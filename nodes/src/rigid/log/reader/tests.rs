@@ -208,6 +208,34 @@ fn a_bounce_has_the_speed_and_the_time_of_its_contact_at_any_rate() {
 }
 
 #[test]
+fn an_edge_that_lands_while_another_one_rests_has_the_time_of_its_landing() {
+    // A plate turns about its left edge, and its right edge rebounds.
+    let (half, landing, fall, rebound) = (0.1, 0.312, 2.0, 0.5);
+    for rate in [60.0, 240.0] {
+        let (mut poses, mut rows) = (POSES.to_owned(), FORCES.replace("force", "force,approach"));
+        for k in 0..(0.6 * rate) as u32 {
+            let t = f64::from(k) / rate;
+            let since = t - landing;
+            let [tilt, turn] = if since < 0.0 { [-fall * since, -fall] } else { [rebound * since, rebound] };
+            let (s, c) = tilt.sin_cos();
+            let ([x, z], [vx, vz]) = ([half * (c - 1.0), half * s], [-half * s * turn, half * c * turn]);
+            let (qw, qy) = ((0.5 * tilt).cos(), -(0.5 * tilt).sin());
+            poses += &format!("{t},1,{x},0,{z},{qw},0,{qy},0,{vx},0,{vz},0,{},0\n", -turn);
+            rows += &format!("{t},0,1,{},0,0,0,0,1,2,0\n", -half);
+            if (0.0..1.0 / rate).contains(&since) {
+                rows += &format!("{t},0,1,{half},0,0,0,0,1,30,{}\n", 2.0 * half * fall);
+            }
+        }
+        let options = LogOptions { masses: vec![0.0, 0.4], rate: Some(rate), ..LogOptions::default() };
+        let track = read_contacts(rows.as_bytes(), Some(poses.as_bytes()), &options).unwrap();
+        let landed: Vec<_> = track.frames.iter().filter(|(_, frame)| frame.depth.is_some()).collect();
+        let [(tick, frame)] = landed[..] else { panic!("{rate}: {landed:?}") };
+        let at = seconds(*tick) - f64::from(frame.depth.unwrap() / frame.approach.unwrap());
+        assert!((at - landing).abs() < 3e-4 && !frame.begins, "{rate}: {at}");
+    }
+}
+
+#[test]
 fn a_ball_that_rolls_never_approaches() {
     let (mut poses, mut rows) = (POSES.to_owned(), FORCES.to_owned());
     for k in 0..60 {
