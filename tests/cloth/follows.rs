@@ -110,3 +110,32 @@ fn what_is_put_together_from_recordings_is_as_loud_as_its_target_asks() {
         assert!((slope / usual - 1.0).abs() < 0.25, "{name}: {slope}, usually {usual}");
     }
 }
+
+#[test]
+fn the_same_motion_at_half_speed_is_softer_among_the_energies_of_the_fast_one() {
+    // Mean power of the frames of 25 ms within 40 dB of the loudest, in dB.
+    let level = |path: &Path| {
+        let sound = common::wav(path);
+        let powers: Vec<f64> = sound
+            .chunks_exact(1200)
+            .map(|frame| frame.iter().map(|x| f64::from(x * x)).sum::<f64>() / 1200.0)
+            .collect();
+        let loudest = powers.iter().copied().fold(0.0, f64::max);
+        let active: Vec<f64> = powers.into_iter().filter(|power| *power > 1e-4 * loudest).collect();
+        10.0 * (active.iter().sum::<f64>() / active.len() as f64).log10()
+    };
+    let levels = ["polyester_sheet", "polyester_slow"].map(|name| {
+        let out = tempfile::tempdir().unwrap();
+        let loaded = load(&common::graphs().join(format!("cloth/{name}.ron")), &LoadOptions::default());
+        let files = DirFiles::new(loaded.root, Limits::default());
+        let options = PlanOptions { threads: 2, ..PlanOptions::default() };
+        let taps = ["target.sound", "recomposed.audio"].map(|tap| format!("polyester.{tap}={tap}.wav"));
+        common::run_tapped(&loaded.graph.unwrap(), &files, &options, &taps, out.path()).unwrap();
+        ["target.sound.wav", "recomposed.audio.wav"].map(|file| level(&out.path().join(file)))
+    });
+    let [fast, slow] = levels;
+    for (what, fast, slow) in [("target", fast[0], slow[0]), ("sound", fast[1], slow[1])] {
+        println!("{what}: {fast:.1} dB, at half speed {slow:.1} dB");
+        assert!((1.5..6.0).contains(&(fast - slow)), "{what}: {fast} dB, at half speed {slow} dB");
+    }
+}

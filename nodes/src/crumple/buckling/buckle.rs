@@ -28,6 +28,12 @@ pub struct Buckle {
 /// would make an impact of a slow bend.
 pub const MAX_INTERVAL: f64 = 1.0 / 30.0;
 
+/// Number of frames over which a change of curvature is measured at a frame rate in hertz: as many as [`MAX_INTERVAL`] has, at least one.
+pub(crate) fn frames_of_change(fps: f64) -> usize {
+    // Rates in files are decimals.
+    (MAX_INTERVAL * fps + 1e-6).floor().max(1.0) as usize
+}
+
 /// Number of frames outside of the dead band after which a curvature is no outlier of the noise.
 const SURE: u8 = 2;
 
@@ -91,8 +97,7 @@ impl BuckleDetector {
     /// Creates a detector for a number of vertices at a frame rate in hertz.
     #[must_use]
     pub fn new(vertices: usize, fps: f64, h_eps: f64) -> Self {
-        // Rates in files are decimals.
-        let interval = (MAX_INTERVAL * fps + 1e-6).floor().max(1.0) as usize;
+        let interval = frames_of_change(fps);
         Self {
             h_eps,
             states: vec![SignState::default(); vertices],

@@ -9,6 +9,7 @@ use crate::core::item::Data;
 use crate::core::node::Summary;
 use crate::core::random::Rng;
 use crate::core::time::{TICKS_PER_SECOND, Tick};
+use crate::crumple::buckling::buckle::frames_of_change;
 use crate::crumple::events::{Crumple, Weight};
 use crate::curvature::Method;
 use crate::impl_state;
@@ -125,6 +126,11 @@ pub enum CalibrationError {
 /// Returns the frames per second of the motion of an event, rounded to 1e-4 because intervals are whole ticks.
 fn frame_rate(event: &Crumple) -> f64 {
     (TICKS_PER_SECOND as f64 / (event.interval.max(1) as f64) * 1e4).round() / 1e4
+}
+
+/// Interval over which changes of curvature are measured at a frame rate, s.
+fn change_interval(fps: f64) -> f64 {
+    frames_of_change(fps) as f64 / fps
 }
 
 /// Collects the energies of a take.
@@ -267,8 +273,8 @@ impl EnergyCalibration {
         Ok(())
     }
 
-    /// Returns a message if an event differs from those of the calibration in mesh, frame rate, curvature method or
-    /// dead band. Dead bands may differ by a tenth, because they can be measured on each take.
+    /// Returns a message if an event differs from those of the calibration in mesh, curvature method, dead band or in the interval
+    /// over which its change of curvature was measured, which follows from the frame rate. Dead bands may differ by a tenth, because they can be measured on each take.
     #[must_use]
     pub fn mismatch(&self, event: &Crumple) -> Option<String> {
         let fps = frame_rate(event);
@@ -277,7 +283,7 @@ impl EnergyCalibration {
             return Some(format!("`mesh` of the calibration is {calibrated}, of the events {found}"));
         }
         // Whole ticks resolve the frame rate to about a millionth.
-        if self.fps > 0.0 && (self.fps - fps).abs() > 2e-4 {
+        if self.fps > 0.0 && (change_interval(self.fps) / change_interval(fps) - 1.0).abs() > 1e-5 {
             return Some(format!("`fps` of the calibration is {}, of the events {fps}", self.fps));
         }
         if let (Some(calibrated), Some(found)) = (self.method, event.method)

@@ -1,7 +1,7 @@
 use super::*;
 use crate::core::item::{AnyValue, Event};
 use crate::core::standalone::{Feed, Standalone};
-use crate::core::time::ticks;
+use crate::core::time::{TICKS_PER_SECOND, ticks};
 use crate::crumple::Weight;
 use crate::crumple::matching::calibration::{EnergyMeter, Floor};
 use crate::curvature::Method;
@@ -81,7 +81,7 @@ fn a_calibration_of_another_mesh_rate_method_or_dead_band_is_used_with_a_warning
         found.len() == 1 && found[0].contains("`mesh` of the calibration is 99, of the events 7"),
         "{found:?}"
     );
-    let slow = of(Crumple { interval: 2 * event(1.0).interval, ..event(1.0) });
+    let slow = of(Crumple { interval: TICKS_PER_SECOND / 20, ..event(1.0) });
     let found = warnings(slow, false);
     assert!(found.len() == 1 && found[0].contains("`fps` of the calibration is"), "{found:?}");
     let dihedral = of(Crumple { method: Some(Method::Dihedral), ..event(1.0) });

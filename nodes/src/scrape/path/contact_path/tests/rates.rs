@@ -131,7 +131,7 @@ fn the_friction_work_of_unsteady_contacts_is_heard() {
         );
         let [sum, steady] = [&pieces, &steadily].map(most);
         println!("  of all contacts at once: {sum:.2} N, of steady ones {steady:.2} N");
-        assert!(sum < 2.0 * steady && peak(&pieces) < 2.0 * peak(&steadily), "{scene} {rate}");
+        assert!(sum < 2.0 * steady && peak(&pieces) < 2.5 * peak(&steadily), "{scene} {rate}");
         assert!(peak(&pieces) < 0.6 * all, "{scene} {rate}");
     }
 }
