@@ -24,7 +24,7 @@ use std::collections::VecDeque;
 pub struct Classifier {
     rules: Rules,
     contacts: Vec<TrackedContact>,
-    /// Contacts that have ended within `impact_median`, in the order of their ends.
+    /// Contacts that have ended within `impact_median` or before, about in the order of their ends.
     ended: VecDeque<TrackedContact>,
     max_contacts: usize,
     /// Impacts not read yet, with their contacts, in the order of time.
@@ -143,12 +143,16 @@ impl Classifier {
     /// A contact that begins with a frame; it continues the history of one of the same bodies that has just ended.
     fn begin(&mut self, tick: Tick, frame: &ContactFrame) -> TrackedContact {
         let oldest = tick - ticks(self.rules.impact_median);
-        self.ended.retain(|c| c.last_tick >= oldest);
+        while self.ended.front().is_some_and(|c| c.last_tick < oldest) {
+            self.ended.pop_front();
+        }
         let normal = widen(frame.normal);
         let continues = |c: &TrackedContact| {
-            c.latest.bodies == frame.bodies && dot(widen(c.latest.normal), normal) > MIN_COSINE
+            c.latest.bodies == frame.bodies
+                && c.last_tick >= oldest
+                && dot(widen(c.latest.normal), normal) > MIN_COSINE
         };
-        let earlier = self.ended.iter().rposition(continues).and_then(|k| self.ended.remove(k));
+        let earlier = self.ended.iter().rposition(continues).and_then(|k| self.ended.swap_remove_back(k));
         let mut contact = TrackedContact::new(tick, frame);
         if let Some(earlier) = earlier {
             contact.history = earlier.history.continued(tick - frame.interval);

@@ -298,6 +298,11 @@ impl<'a> ContactTracker<'a> {
         }
     }
 
+    /// Motion of a body in the row of a time, or at rest if the poses do not have the body; `None` if they have no row there.
+    fn row_or_rest(&self, body: u32, tick: Tick) -> Option<Motion> {
+        if self.poses.has(body) { self.poses.row_at(body, tick) } else { Some(Motion::default()) }
+    }
+
     /// When and how fast the bodies met, for a contact that begins in this frame, from the centres of the bodies at both ends of the frame;
     /// `None` unless the poses have rows there, if the depth is more accurate, or if the speeds of the centres hardly change.
     ///
@@ -314,10 +319,7 @@ impl<'a> ContactTracker<'a> {
         }
         let (step, normal) = (seconds(self.step), new.row.normal);
         let approach = row_approach(new);
-        let motion = |k: usize, tick: Tick| {
-            let body = new.row.bodies[k];
-            if self.poses.has(body) { self.poses.row_at(body, tick) } else { Some(Motion::default()) }
-        };
+        let motion = |k: usize, tick: Tick| self.row_or_rest(new.row.bodies[k], tick);
         let along = |tick: Tick| -> Option<[f64; 2]> {
             let (a, b) = (motion(0, tick)?, motion(1, tick)?);
             Some([dot(sub(b.position, a.position), normal), dot(sub(b.velocity, a.velocity), normal)])
@@ -379,10 +381,7 @@ impl<'a> ContactTracker<'a> {
         if approach < MIN_APPROACH {
             return None;
         }
-        let motion = |k: usize, tick: Tick| {
-            let body = new.row.bodies[k];
-            if self.poses.has(body) { self.poses.row_at(body, tick) } else { Some(Motion::default()) }
-        };
+        let motion = |k: usize, tick: Tick| self.row_or_rest(new.row.bodies[k], tick);
         // Where the material is that is at the point at the end of the frame, and its velocity.
         let material = |k: usize, tick_then: Tick| {
             let (now, then) = (motion(k, tick)?, motion(k, tick_then)?);
