@@ -180,6 +180,16 @@ impl CheckpointStore {
     }
 }
 
+impl Drop for CheckpointStore {
+    /// Unlocks rather than only closes the file: a child process has a duplicate of its descriptor between `fork` and `exec`, and
+    /// would hold the lock for that time.
+    fn drop(&mut self) {
+        if let Some(Some(file)) = self.lock.get() {
+            let _ = file.unlock();
+        }
+    }
+}
+
 /// Removes the checkpoints in a folder with their partial output files, except those of running processes.
 pub fn remove_all(dir: &Path) {
     let entries = fs::read_dir(dir).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -328,6 +338,18 @@ mod tests {
         assert!(first.find(0, "b").is_some(), "the second run does not remove it");
         drop(first);
         assert!(store_in(dir.path()).find(0, "b").is_some(), "the next run finds it");
+    }
+
+    #[test]
+    fn the_lock_is_released_while_a_child_process_has_a_duplicate_of_its_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = store_in(dir.path());
+        assert!(store.is_locked());
+        let duplicate = store.lock.get().and_then(Option::as_ref).unwrap().try_clone().unwrap();
+        assert!(!store_in(dir.path()).is_locked());
+        drop(store);
+        assert!(store_in(dir.path()).is_locked());
+        drop(duplicate);
     }
 
     #[test]
