@@ -54,6 +54,17 @@ fn split_velocity(frame: &ContactFrame) -> (Vec3, f64) {
     (sub(v, scale(n, normal_speed)), normal_speed)
 }
 
+/// Time from the landing in a frame to its end, s, if the depth is known.
+///
+/// A gap opens at the speed of separation, or closes at that of approach after the frame.
+fn landing_age(frame: &ContactFrame, approach: f64, separation: f64, step: f64) -> Option<f64> {
+    let depth = f64::from(frame.depth?);
+    let known_approach = frame.approach.map(f64::from).filter(|v| *v > 0.0).unwrap_or(approach);
+    let is_opening = depth < 0.0 && separation > 0.0;
+    let age = if is_opening { -depth / separation } else { depth / known_approach.max(1e-9) };
+    Some(age.clamp(-0.5 * step, step))
+}
+
 fn is_finite(frame: &ContactFrame) -> bool {
     let known = |x: Option<f32>| x.unwrap_or(0.0);
     let numbers = [frame.force, known(frame.approach), known(frame.depth), known(frame.mass)];
@@ -149,7 +160,7 @@ impl Classifier {
         let normal = widen(frame.normal);
         let continues = |c: &TrackedContact| {
             c.latest.bodies == frame.bodies
-                && c.last_tick >= oldest
+                && (oldest..tick).contains(&c.last_tick)
                 && dot(widen(c.latest.normal), normal) > MIN_COSINE
         };
         let earlier = self.ended.iter().rposition(continues).and_then(|k| self.ended.swap_remove_back(k));
@@ -193,6 +204,8 @@ impl Classifier {
     fn impact_detector(&mut self) -> ImpactDetector<'_> {
         ImpactDetector {
             rules: &self.rules,
+            contacts: &self.contacts,
+            ended: &self.ended,
             impacts: &mut self.impacts,
             count: &mut self.impact_count,
             dropped: &mut self.dropped,
@@ -246,8 +259,9 @@ impl Classifier {
             force: f64::from(frame.force).max(0.0),
             mean_force: 0.0,
             approach,
+            reports_approach: frame.approach.is_some(),
+            landing_age: landing_age(frame, approach, normal_speed, step),
             normal_speed: approach.max(normal_speed.abs()),
-            separation: normal_speed,
             speed: norm(widen(frame.velocity)).max(approach),
             sliding,
             rolling,

@@ -22,7 +22,8 @@ params! {
     /// approach; the first frame of a contact needs the approach only. The approach is the largest of the 20 ms before. The energy
     /// is that of the effective mass at this speed; the impulse is the force of the frames that belong to the impact, times their
     /// lengths. An unknown mass is computed from impulse and approach. A contact that begins with a known `depth` began depth over
-    /// approach before the end of its frame. While force and speed are steady, there are no impacts.
+    /// approach before the end of its frame. Contacts of the same bodies that land less than `frame` apart have one impact. While force
+    /// and speed are steady, there are no impacts.
     ///
     /// A contact that lasts and is not interrupted again and again has a state, which follows from the slip and the speed of rolling,
     /// the smaller of the speeds of the contact point over the two surfaces: with neither it is static and silent, without slip it
@@ -58,7 +59,7 @@ params! {
         impact_median: f64 = 0.25, unit "s", range 0.0..=10.0;
         /// Smallest speed of approach of an impact.
         impact_approach: f64 = 0.05, unit "m/s", range 0.001..=1000.0;
-        /// Time after an impact in which the contact has no other impact.
+        /// Time after an impact in which the contact has no other impact, unless its approach is a fifth faster.
         refractory: f64 = 0.03, unit "s", range 0.0..=10.0;
         /// Speed after an impact over speed before it, if no mass is known.
         restitution: f64 = 0.5, unit "", range 0.0..=1.0;
@@ -196,7 +197,7 @@ impl Node for ContactClassifier {
     type Params = ContactClassifierParams;
     type Ports = ContactClassifierPorts;
     const NAME: &'static str = "ContactClassifier";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const CLASS: Class = Class::Audio;
     const COST: f64 = 1000.0;
 

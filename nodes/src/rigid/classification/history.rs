@@ -28,10 +28,12 @@ pub(super) struct Sample {
     pub mean_force: f64,
     /// Speed of approach, m/s.
     pub approach: f64,
+    /// True if it is that of the frame, and not of an instant after an impact.
+    pub reports_approach: bool,
+    /// Time from the landing in this frame to its end, s, if it is known; negative after the end.
+    pub landing_age: Option<f64>,
     /// Largest absolute speed along the normal.
     pub normal_speed: f64,
-    /// Speed of separation along the normal at the end of the frame, negative while the bodies approach.
-    pub separation: f64,
     /// Relative speed.
     pub speed: f64,
     /// Speed of slip.
@@ -292,10 +294,12 @@ impl History {
         self.window(time).fold([0.0; 2], |[a, b], s| [s.sliding.max(a), s.rolling.max(b)])
     }
 
-    /// Largest speed of approach within a time before the frame `age` frames ago, and at least in that and the previous frame.
-    pub fn max_approach(&self, age: usize, time: f64) -> f64 {
-        let previous = self.back(age + 1).map_or(0.0, |s| s.approach);
-        self.within(age, time).fold(previous, |max, s| s.approach.max(max))
+    /// The frame with the largest speed of approach within a time before the frame `age` frames ago, at least of that and the previous
+    /// frame; the latest of equal ones.
+    pub fn landing(&self, age: usize, time: f64) -> Option<Sample> {
+        let count = self.within(age, time).count().max(2);
+        let frames = (age..age + count).map_while(|k| self.back(k));
+        frames.reduce(|a, b| if b.approach > a.approach { b } else { a })
     }
 
     /// Returns true if the speed along the normal or the relative speed peaks in the frame `age` frames ago or next to it, or

@@ -6,6 +6,7 @@ use super::tracked_contact::{OpenImpact, TrackedContact};
 use crate::core::time::{Tick, ticks};
 use crate::modal::Impact;
 use crate::rigid::item::ContactFrame;
+use std::collections::VecDeque;
 
 /// Time before a peak of the force within which the speed of approach is the largest, s: at the peak itself it is 0.
 const APPROACH_TIME: f64 = 0.02;
@@ -22,6 +23,9 @@ pub(super) const MAX_IMPACTS: usize = 1024;
 /// Detector of impacts in the frames of contacts, and their queue.
 pub(super) struct ImpactDetector<'a> {
     pub rules: &'a Rules,
+    /// Other contacts, and those that have ended.
+    pub contacts: &'a [TrackedContact],
+    pub ended: &'a VecDeque<TrackedContact>,
     /// Impacts not read yet, with their contacts, in the order of time.
     pub impacts: &'a mut Vec<(Tick, u64, Impact)>,
     /// Number of impacts so far.
@@ -38,16 +42,19 @@ impl ImpactDetector<'_> {
         let Some(here) = contact.history.back(age) else { return false };
         let before = contact.history.back(age + 1);
         let rules = self.rules;
-        let approach = contact.history.max_approach(age, APPROACH_TIME);
-        let is_refractory = contact
-            .last_impact
-            .is_some_and(|(at, speed)| here.tick - at < ticks(rules.refractory) && approach < HARDER * speed);
-        if is_refractory || approach < rules.impact_approach || here.force <= 0.0 {
+        let landing = contact.history.landing(age, APPROACH_TIME).unwrap_or(here);
+        let approach = landing.approach;
+        let is_weak = approach < rules.impact_approach || here.force <= 0.0;
+        if is_weak || self.is_refractory(contact, landing) {
             return false;
         }
         let (force_before, force_next) = (before.map_or(0.0, |s| s.force), next.map_or(0.0, |s| s.force));
-        let is_peak = here.force > force_before && here.force >= force_next;
-        if before.is_some() && !(is_peak && contact.history.has_speed_peak(age, APPROACH_TIME)) {
+        let is_force_peak = here.force >= force_next && contact.history.has_speed_peak(age, APPROACH_TIME);
+        // The bodies land in the frame of the fastest approach; the force may go on to rise.
+        let is_landing = here.reports_approach
+            && here.approach >= approach
+            && next.is_none_or(|s| s.approach <= here.approach);
+        if before.is_some() && !(here.force > force_before && (is_force_peak || is_landing)) {
             return false;
         }
         // Before the contact began the force was 0.
@@ -68,9 +75,14 @@ impl ImpactDetector<'_> {
         let impulse = (here.force - base) * here.step
             + earlier
             + later.map_or(0.0, |s| (s.force - base).max(0.0) * s.step);
+        if !is_force_peak && impulse < min_impulse {
+            // The peak of the force may be in the next frame.
+            return false;
+        }
         let open = OpenImpact {
             found: here.tick,
-            at: self.impact_time(&contact.latest, here, approach, [force_before, force_next]),
+            landed: landing.tick,
+            at: self.impact_time([landing, here], is_force_peak.then_some([force_before, force_next])),
             approach,
             peak: here.force.max(later.map_or(0.0, |s| s.force)),
             last: later.map_or(0.0, |s| s.force),
@@ -86,28 +98,38 @@ impl ImpactDetector<'_> {
         later.is_some()
     }
 
-    /// Time of an impact in a frame, between the forces of the frame before and after it.
-    fn impact_time(&self, frame: &ContactFrame, here: Sample, approach: f64, around: [f64; 2]) -> Tick {
+    /// Time of an impact found in the frame `here` after a landing, by the forces of the frames before and after it if it is a peak of
+    /// the force.
+    fn impact_time(&self, [landing, here]: [Sample; 2], around: Option<[f64; 2]>) -> Tick {
         let rules = self.rules;
-        if let Some(depth) = frame.depth {
-            let depth = f64::from(depth);
-            let approach = frame.approach.map(f64::from).filter(|v| *v > 0.0).unwrap_or(approach);
-            // A gap opens at the speed of separation, or closes at that of approach after the frame.
-            let since = if depth < 0.0 && here.separation > 0.0 {
-                -depth / here.separation
-            } else {
-                depth / approach.max(1e-9)
-            };
-            let offset = ticks(-since.clamp(-0.5 * here.step, here.step));
-            return (here.tick + offset).max(here.tick - rules.begin_time()).max(0);
+        if let Some((landing, landing_age)) = [landing, here].iter().find_map(|s| Some((s, s.landing_age?))) {
+            return (landing.tick - ticks(landing_age)).max(here.tick - rules.begin_time()).max(0);
         }
         // Vertex of the parabola through the three forces, in frames.
-        let [before, next] = around;
-        let curvature = before - 2.0 * here.force + next;
-        let vertex = if curvature < 0.0 { (0.5 * (before - next) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
+        let vertex = around.map_or(0.0, |[before, next]| {
+            let curvature = before - 2.0 * here.force + next;
+            if curvature < 0.0 { (0.5 * (before - next) / curvature).clamp(-0.5, 0.5) } else { 0.0 }
+        });
         let offset = (rules.moment - 1.0 + vertex).clamp(-1.0, 0.5) * here.step;
+        let latest = if landing.reports_approach { landing.tick } else { Tick::MAX };
         let earliest = here.tick - ticks(rules.frame) / 2;
-        (here.tick + ticks(offset)).max(earliest).max(0)
+        (here.tick + ticks(offset)).min(latest).max(earliest).max(0)
+    }
+
+    /// Returns true if the same bodies landed shortly before and not much more softly, with an impact: the contact within `refractory`, or
+    /// another one within a frame, since bodies that land with several faces at once have one energy.
+    fn is_refractory(&self, contact: &TrackedContact, landing: Sample) -> bool {
+        let is_near = |(at, speed): (Tick, f64), time: Tick| {
+            (landing.tick - at).abs() < time && landing.approach < HARDER * speed
+        };
+        let time = self.rules.begin_time();
+        let is_near_other = |c: &TrackedContact| {
+            let open = c.open.map(|open| (open.landed, open.approach));
+            [open, c.last_impact].into_iter().flatten().any(|impact| is_near(impact, time))
+        };
+        let is_other = |c: &TrackedContact| c.latest.bodies == contact.latest.bodies && c.id != contact.id;
+        contact.last_impact.is_some_and(|impact| is_near(impact, ticks(self.rules.refractory)))
+            || self.contacts.iter().chain(self.ended).any(|c| is_other(c) && is_near_other(c))
     }
 
     /// Adds a frame to the open impact of a contact and returns true, or closes it.
@@ -131,7 +153,7 @@ impl ImpactDetector<'_> {
         if open.min_impulse > 0.0 && (open.impulse < open.min_impulse || contact.steady) {
             return;
         }
-        contact.last_impact = Some((open.found, open.approach));
+        contact.last_impact = Some((open.landed, open.approach));
         let impact = self.impact(&open);
         self.queue_impact(open.at, contact.id, impact, &open.frame);
     }

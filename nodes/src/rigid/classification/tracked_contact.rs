@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 pub(super) struct OpenImpact {
     /// Time of the frame in which it was found.
     pub found: Tick,
+    /// Time of the frame with the fastest approach.
+    pub landed: Tick,
     /// Time of the impact.
     pub at: Tick,
     /// Speed of approach, m/s.
@@ -41,7 +43,7 @@ pub(super) struct TrackedContact {
     pub steady: bool,
     /// Time of the last change of state.
     pub last_change: Option<Tick>,
-    /// Time and speed of approach of the last impact.
+    /// Time of the frame with the fastest approach before the last impact, and that speed.
     pub last_impact: Option<(Tick, f64)>,
     /// True while the latest frame is not tested for an impact.
     pub pending: bool,

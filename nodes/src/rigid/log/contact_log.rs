@@ -134,7 +134,7 @@ impl Node for ContactLog {
     type Params = ContactLogParams;
     type Ports = ContactLogPorts;
     const NAME: &'static str = "ContactLog";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const CLASS: Class = Class::Audio;
 
     fn shape(p: &ContactLogParams, s: &mut Shape<'_, '_, ContactLogPorts>) -> Result<(), Reject> {

@@ -217,13 +217,21 @@ impl<'a> ContactTracker<'a> {
         track.observe_chords(new, 0.0);
         self.next_id += 1;
         let mut frame = self.contact_frame(&track, new, self.step);
-        if let Some(begin) = self.begin(new, tick) {
+        if let Some(depth) = self.logged_depth(new, self.step, tick) {
+            frame.depth = Some(depth as f32);
+            track.has_age = true;
+        } else if let Some(begin) = self.begin(new, tick) {
             frame.depth = Some((begin.approach * begin.age) as f32);
             frame.approach = frame.approach.map(|_| begin.approach as f32);
             track.has_age = true;
         } else if let Some(depth) = self.landing_depth(new, self.step, tick) {
             frame.depth = Some(depth as f32);
             track.has_age = true;
+        } else if let (Some(depth @ 0.0..), true) = (new.row.depth, self.has_poses(new) && !new.is_derived) {
+            // The log has more frames than the poses.
+            let approach = row_approach(new);
+            let age = contact_age(depth, approach, dot(new.velocity, new.row.normal));
+            frame.depth = age.map(|age| (age * approach) as f32);
         }
         track.frame_index = self.frames.len();
         self.frames.push((tick, ContactFrame { begins: true, ..frame }));
@@ -245,7 +253,8 @@ impl<'a> ContactTracker<'a> {
             frame.approach = Some((-dot(before, new.row.normal)).max(0.0) as f32);
         }
         // That of a contact that goes on says nothing about a landing.
-        frame.depth = self.landing_depth(new, step, tick).map(|depth| depth as f32);
+        let depth = self.logged_depth(new, step, tick).or_else(|| self.landing_depth(new, step, tick));
+        frame.depth = depth.map(|depth| depth as f32);
         // The force is 0 in missing frames, and the contact moves evenly: at rest it would jump after them.
         if let Some((at, old)) = self.frames.get(track.frame_index).copied() {
             for n in 1..=missing {
@@ -298,6 +307,11 @@ impl<'a> ContactTracker<'a> {
         }
     }
 
+    /// Returns true if the poses have a body of the contact.
+    fn has_poses(&self, new: &Observation) -> bool {
+        new.row.bodies.iter().any(|body| self.poses.has(*body))
+    }
+
     /// Motion of a body in the row of a time, or at rest if the poses do not have the body; `None` if they have no row there.
     fn row_or_rest(&self, body: u32, tick: Tick) -> Option<Motion> {
         if self.poses.has(body) { self.poses.row_at(body, tick) } else { Some(Motion::default()) }
@@ -314,7 +328,7 @@ impl<'a> ContactTracker<'a> {
         const MAX_ACCELERATION: f64 = 30.0;
         /// Smallest change of speed, m/s.
         const MIN_JUMP: f64 = 1e-3;
-        if !new.row.bodies.iter().any(|body| self.poses.has(*body)) {
+        if !self.has_poses(new) {
             return None;
         }
         let (step, normal) = (seconds(self.step), new.row.normal);
@@ -401,6 +415,24 @@ impl<'a> ContactTracker<'a> {
         })
     }
 
+    /// Depth that a landing within a frame would have at its end, at the speed of approach, from the depth and the speed in the log. `None`
+    /// if the bodies rebound, if the landing would be before the frame, or if the poses have no rows or other speeds at its end: the row of
+    /// a contact that is over by then is of an instant within the frame.
+    fn logged_depth(&self, new: &Observation, step: Tick, tick: Tick) -> Option<f64> {
+        /// Smallest speed of approach, m/s.
+        const MIN_APPROACH: f64 = 0.02;
+        /// Smallest part of the speed of approach at the end of the frame, and largest difference between row and poses.
+        const LEFT: f64 = 0.1;
+        let (approach, depth) = (new.row.approach.filter(|_| !new.is_derived)?, new.row.depth?);
+        let velocity = |k: usize| Some(self.row_or_rest(new.row.bodies[k], tick)?.velocity_at(new.row.point));
+        let separation = dot(new.velocity, new.row.normal);
+        let by_poses = dot(sub(velocity(1)?, velocity(0)?), new.row.normal);
+        let approaches = approach >= MIN_APPROACH && separation.max(by_poses) <= -LEFT * approach;
+        let is_at_end = (separation - by_poses).abs() <= LEFT * approach;
+        let age = contact_age(depth, approach, separation)?;
+        (approaches && is_at_end && age > 0.0 && age <= seconds(step)).then_some(approach * age)
+    }
+
     /// Effective mass of a pair: `1 / (1/m1 + 1/m2)`.
     fn mass(&self, bodies: [u32; 2]) -> Option<f64> {
         let mass = |k: usize| self.params.masses.get(bodies[k] as usize).copied();
@@ -421,6 +453,16 @@ impl<'a> ContactTracker<'a> {
 /// Speed of approach of an observation, m/s, 0 if unknown.
 fn row_approach(new: &Observation) -> f64 {
     new.row.approach.unwrap_or_else(|| (-dot(new.velocity, new.row.normal)).max(0.0))
+}
+
+/// Time since bodies met at a speed of approach, s, with the depth and the speed of separation that they have now: those of a mass on a
+/// spring. `None` without an approach, and after most of a rebound, whose depth says nothing about its begin.
+fn contact_age(depth: f64, approach: f64, separation: f64) -> Option<f64> {
+    /// Part of the speed of approach; bodies with a restitution of a half have nearly parted then.
+    const REBOUND: f64 = 0.4;
+    let phase = (-separation / approach).clamp(-1.0, 1.0).acos();
+    let share = if phase > 1e-3 { phase / phase.sin() } else { 1.0 };
+    (approach > 0.0 && separation <= REBOUND * approach).then(|| depth / approach * share)
 }
 
 /// Mean of points, weighted by force.

@@ -236,6 +236,38 @@ fn an_edge_that_lands_while_another_one_rests_has_the_time_of_its_landing() {
 }
 
 #[test]
+fn a_corner_that_is_pressed_in_at_the_end_of_the_frame_has_the_time_of_its_landing() {
+    // A mass on a spring from its landing on, in contact with another corner before.
+    let (speed, frequency, frame_end) = (1.4, 60.0, 0.4);
+    let omega = std::f64::consts::TAU * frequency;
+    for rate in [60.0, 240.0] {
+        for phase in [0.2, 0.7, 1.2, 1.4] {
+            let landing = frame_end - phase / omega;
+            let (mut poses, mut rows) = (POSES.to_owned(), FORCES.replace("force", "force,approach,depth"));
+            for k in 0..(0.6 * rate) as u32 {
+                let t = f64::from(k) / rate;
+                let angle = omega * (t - landing);
+                let [z, v] = match angle {
+                    ..=0.0 => [-speed * (t - landing), -speed],
+                    _ => [-speed / omega * angle.sin(), -speed * angle.cos()],
+                };
+                poses += &format!("{t},1,0,0,{z},1,0,0,0,0,0,{v},0,0,0\n");
+                if (t - frame_end).abs() < 1e-9 {
+                    rows += &format!("{t},0,1,0.1,0,0,0,0,1,300,{speed},{}\n", -z);
+                } else if t < frame_end && t > 0.2 {
+                    rows += &format!("{t},0,1,0,0,0,0,0,1,2,0,0.0001\n");
+                }
+            }
+            let options = LogOptions { masses: vec![0.0, 0.4], rate: Some(rate), ..LogOptions::default() };
+            let track = read_contacts(rows.as_bytes(), Some(poses.as_bytes()), &options).unwrap();
+            let (tick, frame) = track.frames.last().unwrap();
+            let at = seconds(*tick) - f64::from(frame.depth.unwrap() / frame.approach.unwrap());
+            assert!((at - landing).abs() < 1e-5 && !frame.begins, "{rate}, {phase}: {at} {landing}");
+        }
+    }
+}
+
+#[test]
 fn a_ball_that_rolls_never_approaches() {
     let (mut poses, mut rows) = (POSES.to_owned(), FORCES.to_owned());
     for k in 0..60 {
