@@ -122,10 +122,10 @@ fn save_in_every_style(more: &[&str]) {
     let mut watched = project.watch(more);
     watched.expect("watching 1 file");
     assert_eq!(project.output(), project.fresh());
-    go_through_styles(&project, &mut watched, tone, |watched, style| {
+    go_through_styles(&project, &mut watched, tone, |watched, style, in_time| {
         let reported = watched.expect("reran in ");
         assert!(reported.contains("1 parameter changed (tone.level)"), "{style}: {reported}");
-        assert!(!reported.contains("error"), "{style}: {reported}");
+        assert!(!in_time || !reported.contains("error"), "{style}: {reported}");
         assert_eq!(project.output(), project.fresh(), "{style}");
     });
     assert_eq!(watched.end().0, Some(0));
@@ -143,51 +143,57 @@ fn save_in_every_style_live(more: &[&str]) {
     args.extend(more);
     let mut watched = project.watch(&args);
     watched.expect("watching 1 file");
-    go_through_styles(&project, &mut watched, endless, |watched, style| {
+    go_through_styles(&project, &mut watched, endless, |watched, style, in_time| {
         let reported = watched.expect("reloaded in ");
         assert!(reported.contains("1 retuned (tone), 1 node kept"), "{style}: {reported}");
-        assert!(!reported.contains("error"), "{style}: {reported}");
+        assert!(!in_time || !reported.contains("error"), "{style}: {reported}");
     });
     let (code, reported) = watched.end();
     assert_eq!(code, Some(0));
     assert!(reported.contains("0 window(s) missed"), "{reported}");
 }
 
+/// Saves in one style after the other; `check` learns if the pauses were short enough for an error not to be reported: on a busy machine they
+/// are longer.
 fn go_through_styles(
     project: &Project,
     watched: &mut Watched,
     tone: fn(f64) -> String,
-    check: impl Fn(&mut Watched, &str),
+    check: impl Fn(&mut Watched, &str, bool),
 ) {
+    const PAUSE: Duration = Duration::from_millis(150);
     let main = project.path("main.ron");
-    let mut check = |style: &str| check(watched, style);
+    let mut check_since =
+        |style: &str, start: Instant| check(watched, style, start.elapsed() < PAUSE * 5 / 2);
+    let now = Instant::now;
 
     fs::write(&main, tone(0.1)).unwrap();
-    check("in place");
+    check_since("in place", now());
 
     fs::write(project.path("4913"), tone(0.2)).unwrap();
     fs::rename(&main, project.path("main.ron~")).unwrap();
     fs::rename(project.path("4913"), &main).unwrap();
     fs::remove_file(project.path("main.ron~")).unwrap();
-    check("Vim");
+    check_since("Vim", now());
 
     fs::write(project.path(".main.ron.tmp"), tone(0.3)).unwrap();
     fs::rename(project.path(".main.ron.tmp"), &main).unwrap();
-    check("temporary file and rename");
+    check_since("temporary file and rename", now());
 
-    let text = tone(0.4);
+    let (text, start) = (tone(0.4), now());
     let mut file = File::create(&main).unwrap();
-    std::thread::sleep(Duration::from_millis(150));
+    std::thread::sleep(PAUSE);
     file.write_all(&text.as_bytes()[..60]).unwrap();
-    std::thread::sleep(Duration::from_millis(150));
+    std::thread::sleep(PAUSE);
     file.write_all(&text.as_bytes()[60..]).unwrap();
     drop(file);
-    check("truncated, then written in pieces");
+    check_since("truncated, then written in pieces", start);
 
+    let start = now();
     fs::remove_file(&main).unwrap();
-    std::thread::sleep(Duration::from_millis(150));
+    std::thread::sleep(PAUSE);
     fs::write(&main, tone(0.6)).unwrap();
-    check("gone for a moment");
+    check_since("gone for a moment", start);
 
     let (folder, next) = (project.path(""), project.base.path().join("next"));
     for level in [0.7, 0.8] {
@@ -195,11 +201,11 @@ fn go_through_styles(
         fs::write(next.join("main.ron"), tone(level)).unwrap();
         fs::rename(&folder, project.base.path().join(format!("old-{level}"))).unwrap();
         fs::rename(&next, &folder).unwrap();
-        check("folder replaced");
+        check_since("folder replaced", now());
     }
 
     fs::write(&main, tone(0.9)).unwrap();
-    check("in place, in the folder that was put there");
+    check_since("in place, in the folder that was put there", now());
 }
 
 #[test]
