@@ -102,18 +102,20 @@ impl ImpactDetector<'_> {
     /// the force.
     fn impact_time(&self, [landing, here]: [Sample; 2], around: Option<[f64; 2]>) -> Tick {
         let rules = self.rules;
-        if let Some((landing, landing_age)) = [landing, here].iter().find_map(|s| Some((s, s.landing_age?))) {
-            return (landing.tick - ticks(landing_age)).max(here.tick - rules.begin_time()).max(0);
-        }
-        // Vertex of the parabola through the three forces, in frames.
-        let vertex = around.map_or(0.0, |[before, next]| {
-            let curvature = before - 2.0 * here.force + next;
-            if curvature < 0.0 { (0.5 * (before - next) / curvature).clamp(-0.5, 0.5) } else { 0.0 }
+        let known = [landing, here].iter().find_map(|s| Some(s.tick - ticks(s.landing_age?)));
+        let at = known.unwrap_or_else(|| {
+            // Vertex of the parabola through the three forces, in frames.
+            let vertex = around.map_or(0.0, |[before, next]| {
+                let curvature = before - 2.0 * here.force + next;
+                if curvature < 0.0 { (0.5 * (before - next) / curvature).clamp(-0.5, 0.5) } else { 0.0 }
+            });
+            let offset = (rules.moment - 1.0 + vertex).clamp(-1.0, 0.5) * here.step;
+            let latest = if landing.reports_approach { landing.tick } else { Tick::MAX };
+            (here.tick + ticks(offset)).min(latest)
         });
-        let offset = (rules.moment - 1.0 + vertex).clamp(-1.0, 0.5) * here.step;
-        let latest = if landing.reports_approach { landing.tick } else { Tick::MAX };
-        let earliest = here.tick - ticks(rules.frame) / 2;
-        (here.tick + ticks(offset)).min(latest).max(earliest).max(0)
+        // Within the latency also if the next frame is overdue.
+        let age = if here.landing_age.is_some() { rules.begin_time() } else { ticks(rules.frame) / 2 };
+        at.max(here.tick - age).max(0)
     }
 
     /// Returns true if the same bodies landed shortly before and not much more softly, with an impact: the contact within `refractory`, or
